@@ -1,0 +1,72 @@
+"""blendcap: captured facial performances to blendshape animation.
+
+Public names in the order of the work. They load when first used, so that `import blendcap` stays fast.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING
+
+__version__ = "0.1.0"
+
+_HOMES = {
+    # records
+    "Mesh": "data",
+    "SurfacePoints": "data",
+    "Rig": "data",
+    "MarkerTake": "data",
+    "LandmarkTake": "data",
+    "Animation": "data",
+    "Camera": "data",
+    "Binding": "data",
+    "Solution": "data",
+    "Certificate": "data",
+    "InputError": "data",
+    # files
+    "read_mesh": "io",
+    "read_rig": "io",
+    "read_markers": "io",
+    "read_animation": "io",
+    "write_mesh": "io",
+    "write_rig": "io",
+    "write_markers": "io",
+    "write_animation": "io",
+    # the stage
+    "mannequin": "synthetic.mannequin",
+    # solving
+    "bind": "markers.binding",
+    "solve": "markers.solve",
+    "SolveSettings": "solving.settings",
+    "solve_box": "numerics.boxls",
+    # judging
+    "evaluate": "metrics",
+}
+
+__all__ = list(_HOMES)  # pyright: ignore[reportUnsupportedDunderAll]
+
+if TYPE_CHECKING:
+    from blendcap.data import Animation as Animation
+    from blendcap.data import Binding as Binding
+    from blendcap.data import Camera as Camera
+    from blendcap.data import Certificate as Certificate
+    from blendcap.data import InputError as InputError
+    from blendcap.data import LandmarkTake as LandmarkTake
+    from blendcap.data import MarkerTake as MarkerTake
+    from blendcap.data import Mesh as Mesh
+    from blendcap.data import Rig as Rig
+    from blendcap.data import Solution as Solution
+    from blendcap.data import SurfacePoints as SurfacePoints
+
+
+def __getattr__(name: str):
+    home = _HOMES.get(name)
+    if home is None:
+        raise AttributeError(f"module 'blendcap' has no attribute {name!r}")
+    value = getattr(importlib.import_module(f"blendcap.{home}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__():
+    return sorted({*globals(), *_HOMES})

@@ -1,0 +1,75 @@
+"""What a solve answers, and the proof that comes with it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from blendcap.data.animation import Animation
+
+
+@dataclass(frozen=True, eq=False)
+class Certificate:
+    """How far an answer is from the exact optimum.
+
+    Parameters
+    ----------
+    max_kkt : float
+        The largest optimality residual `|a - clip(a - gradient / (2 diag G), lower, upper)|` over frames and weights;
+        0 is exact, NaN or infinite is no answer.
+    iterations : float
+        Rounds of the active-set method: the mean over frames, or Newton steps of a whole-sequence solve.
+    converged : bool
+        True if every frame ended at its optimum.
+    residuals : (T,) float64
+        The largest residual of each frame.
+    """
+
+    max_kkt: float
+    iterations: float
+    converged: bool
+    residuals: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """The answer of a marker or video solve.
+
+    Parameters
+    ----------
+    animation : Animation
+    residuals : (T, M) float64
+        Distance of each marker from its place on the posed rig, mm; NaN where the marker was missing.
+    rms : (T,) float64
+        Root of the mean squared residual of each frame, mm.
+    energies : {term: (T,) float64}
+        What each term of the objective costs, in mm².
+    certificate : Certificate
+    marker_names : (M,) str
+    helmet : (T, 6) float64, optional
+        Motion of the helmet against the head: translation, mm, and rotation vector, rad.
+    unseen : {shape: float}
+        Shapes that these markers cannot see, with the size of the standard error of their weight.
+    targets : (T, M, 3) float64, optional
+        The markers in the rig's space, rest offset and head motion removed, mm.
+    fitted : (T, M, 3) float64, optional
+        Their places on the posed rig, mm.
+    settings : {str: str}
+        What was asked for and what was learned, to be written beside the answer.
+    seconds : {step: float}
+    """
+
+    animation: Animation
+    residuals: np.ndarray
+    rms: np.ndarray
+    energies: Mapping[str, np.ndarray]
+    certificate: Certificate
+    marker_names: tuple[str, ...]
+    helmet: np.ndarray | None = None
+    unseen: Mapping[str, float] = field(default_factory=dict)
+    targets: np.ndarray | None = None
+    fitted: np.ndarray | None = None
+    settings: Mapping[str, str] = field(default_factory=dict)
+    seconds: Mapping[str, float] = field(default_factory=dict)

@@ -1,0 +1,1 @@
+"""From a marker take to rows: cleaning, alignment, binding, helmet."""

@@ -1,0 +1,1 @@
+"""Mathematics that knows no face: exact box-constrained solves, geodesics, smoothing."""

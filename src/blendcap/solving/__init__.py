@@ -1,0 +1,1 @@
+"""The one equation: rows (terms), priors, and the solve."""
