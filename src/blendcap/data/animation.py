@@ -43,7 +43,7 @@ class Animation:
     rate: float
     head: np.ndarray | None = None
     confidence: np.ndarray | None = None
-    times: np.ndarray | None = None
+    times: np.ndarray = checks.FILLED
     meta: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self):

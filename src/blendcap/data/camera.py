@@ -30,7 +30,7 @@ class Camera:
 
     intrinsics: np.ndarray
     pose: np.ndarray
-    distortion: np.ndarray | None = None
+    distortion: np.ndarray = checks.FILLED
 
     def __post_init__(self):
         put = object.__setattr__

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 from blendcap.data.errors import InputError
 
 ANY = -1
+FILLED: Any = None  # the default of a field that is given its value on construction
 
 
-def array(values, shape: tuple[int, ...], what: str, *, dtype=np.float64, finite: bool = False) -> np.ndarray:
+def array(values, shape: tuple[int, ...], what: str, *, dtype: Any = np.float64, finite: bool = False) -> np.ndarray:
     """`values` as a read-only C-ordered array of `dtype` and `shape` (ANY: any length)."""
     try:
         given = np.asarray(values)

@@ -49,8 +49,8 @@ class Rig:
     mesh: Mesh
     deltas: np.ndarray
     names: tuple[str, ...]
-    bounds: np.ndarray | None = None
-    mirror: np.ndarray | None = None
+    bounds: np.ndarray = checks.FILLED
+    mirror: np.ndarray = checks.FILLED
     combinations: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     points: Mapping[str, SurfacePoints] = field(default_factory=dict)
     regions: Mapping[str, np.ndarray] = field(default_factory=dict)

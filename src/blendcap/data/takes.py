@@ -52,9 +52,10 @@ class MarkerTake:
             raise InputError(
                 f"Marker {self.names[marker]!r} is at infinity in frame {frame}; mark a missing marker with NaN."
             )
-        partly = np.isnan(positions).any(2) & ~np.isnan(positions).all(2)
-        if partly.any():  # a marker is seen or it is not
-            positions = np.where(partly[..., None], np.nan, positions)
+        gaps = np.isnan(positions)
+        partly = np.any(gaps, axis=2) & ~np.all(gaps, axis=2)
+        if np.any(partly):  # a marker is seen or it is not
+            positions = np.where(np.expand_dims(partly, 2), np.nan, positions)
             positions.flags.writeable = False
         put(self, "positions", positions)
         if self.residuals is not None:
