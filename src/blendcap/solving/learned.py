@@ -1,0 +1,103 @@
+"""The default solve: exact whole-take solves whose prior is learned from the take itself."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from blendcap.data import Certificate
+from blendcap.numerics.boxseq import solve_box_sequence
+from blendcap.solving.prior import TakePrior, learn_prior, step_weights, symmetric_prior
+from blendcap.solving.rows import MarkerRows
+
+log = logging.getLogger(__name__)
+
+HELMET_RIDGE = 1e-4  # mm²: keeps the helmet's unknowns unique where too few markers are seen
+HELMET_STEP = 0.02  # standard deviation of the helmet's step from frame to frame at 60 frames a second, in its own unit
+
+
+@dataclass(frozen=True, eq=False)
+class LearnedAnswer:
+    """Unknowns (T, N + K), energies by term (T,) in mm², the certificate and the prior that was learned."""
+
+    unknowns: np.ndarray
+    energies: dict[str, np.ndarray]
+    certificate: Certificate
+    prior: TakePrior
+
+
+def solve_learned(
+    rows: MarkerRows,
+    mirror: np.ndarray,
+    rate: float,
+    noise: float,
+    *,
+    symmetry: float = 0.97,
+    smoothness: float = 1.0,
+    passes: int = 3,
+    relinearize: Callable[[np.ndarray], np.ndarray] | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+) -> LearnedAnswer:
+    """Weights of the whole take, most probable under a prior that the take itself teaches.
+
+    Minimises, exactly and for all frames at once,
+    `|y_t - B a_t - R u_t|² + s² a_t' C⁻¹ a_t + sum_i s² w_ti / q_i (a_ti - a_(t-1)i)²` with `0 <= a <= 1`, where s is the noise,
+    C the covariance of poses, q the variance of steps and w their Student weights; C, q and w are re-estimated between passes.
+
+    Parameters
+    ----------
+    rows : MarkerRows
+    mirror : (N,) int
+        Left and right partners.
+    rate : float
+        Frames a second.
+    noise : float
+        Standard deviation of a marker coordinate, model error included, mm.
+    symmetry, smoothness, passes
+        As in SolveSettings.
+    relinearize : callable, optional
+        Takes the unknowns (T, N + K) to targets (T, M, 3) with the helmet's rotation made exact.
+    progress : callable
+        Told what begins.
+    """
+    start = prior = symmetric_prior(mirror, symmetry, rate)
+    unknowns, factors = None, np.ones((1, len(mirror)))
+    helmet_coupling = noise**2 / (HELMET_STEP**2 * 60 / rate)
+    for k in range(passes):
+        progress(f"pass {k + 1} of {passes}")
+        precision = _precision(prior, noise, len(rows.lower))
+        coupling = np.full((len(rows.targets), len(rows.lower)), helmet_coupling)
+        coupling[:, : rows.shapes] = smoothness * factors * noise**2 / prior.steps
+        unknowns, certificate = solve_box_sequence(
+            rows.gram + precision, rows.linear, coupling, lower=rows.lower, upper=rows.upper,
+            start=unknowns, rows=rows.rows, missing=rows.missing,
+        )  # fmt: skip
+        log.info("pass %d: %d Newton steps, KKT %.1e", k + 1, certificate.iterations, certificate.max_kkt)
+        if k == passes - 1:
+            break
+        weights = unknowns[:, : rows.shapes]
+        prior = learn_prior(start, weights, rows.mean_gram, prior, precision, noise, rate)
+        factors = step_weights(weights, prior)
+        if relinearize is not None and k == passes - 2:
+            rows = rows.with_targets(relinearize(unknowns))
+    return LearnedAnswer(unknowns, _energies(rows, unknowns, precision, coupling), certificate, prior)
+
+
+def _precision(prior: TakePrior, noise: float, size: int) -> np.ndarray:
+    count = len(prior.steps)
+    precision = np.eye(size) * HELMET_RIDGE
+    precision[:count, :count] = noise**2 * np.linalg.inv(prior.covariance)
+    return precision
+
+
+def _energies(rows: MarkerRows, unknowns: np.ndarray, precision: np.ndarray, coupling: np.ndarray) -> dict:
+    steps = np.diff(unknowns, axis=0, prepend=unknowns[:1]) ** 2 * coupling
+    return {
+        "markers": np.nansum(rows.errors(unknowns) ** 2, axis=1),
+        "prior": np.einsum("ti,ij,tj->t", unknowns, precision, unknowns, optimize=True),
+        "smoothness": steps[:, : rows.shapes].sum(1),
+        "helmet smoothness": steps[:, rows.shapes :].sum(1),
+    }

@@ -1,0 +1,112 @@
+"""The causal solve: frame by frame, from the past only, for a preview on the stage."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from blendcap.data import Certificate
+from blendcap.numerics.boxls import solve_box
+from blendcap.solving.prior import PSEUDO_FRAMES, STEP_FLOOR, TakePrior, symmetric_prior
+from blendcap.solving.rows import MarkerRows
+
+REFRESH = 30  # frames between two re-estimates of the prior
+RICCATI_STEPS = 40
+
+
+class LiveSolver:
+    """Solves one frame after another; what it learned so far is its state.
+
+    A Kalman filter in which the update is an exact box-constrained solve: the last answer, with the covariance that a
+    filter in its steady state would have, is the prior of the next frame. A step that is large against what was learned
+    (a blink) is charged less, as in the whole-take solve.
+
+    Parameters
+    ----------
+    rows : MarkerRows
+        How the markers move; its targets are not used.
+    mirror : (N,) int
+        Left and right partners.
+    rate : float
+        Frames a second.
+    noise : float
+        Standard deviation of a marker coordinate, model error included, mm.
+    symmetry, smoothness : float
+        As in SolveSettings.
+    """
+
+    def __init__(
+        self, rows: MarkerRows, mirror: np.ndarray, rate: float, noise: float, *,
+        symmetry: float = 0.97, smoothness: float = 1.0,
+    ):  # fmt: skip
+        self.rows, self.noise, self.smoothness = rows, noise, smoothness
+        self.start = self.prior = symmetric_prior(mirror, symmetry, rate)
+        self.step_floor = STEP_FLOOR**2 * 60 / rate
+        self.last: np.ndarray | None = None
+        self.frames = 0
+        count = rows.shapes
+        self.moment, self.steps = np.zeros((count, count)), np.zeros(count)
+        self._refresh()
+
+    def _refresh(self) -> None:
+        """Quadratic terms that stay the same until the prior is learned anew."""
+        count, size = self.rows.shapes, len(self.rows.lower)
+        self.quadratic = self.rows.gram + 1e-4 * np.eye(size)
+        self.quadratic[:count, :count] += self.noise**2 * np.linalg.inv(self.prior.covariance)
+        walk = np.r_[self.prior.steps, np.full(size - count, self.step_floor * 100)]
+        posterior = np.diag(walk)
+        for _ in range(RICCATI_STEPS):
+            predicted = np.linalg.inv(posterior + np.diag(walk))
+            posterior = np.linalg.inv(predicted + self.quadratic / self.noise**2)
+        self.hold = self.smoothness * self.noise**2 / (np.diag(posterior) + walk)
+
+    def step(self, targets: np.ndarray) -> tuple[np.ndarray, Certificate]:
+        """Unknowns (N + K,) of the next frame from marker displacements (M, 3), mm, NaN where missing."""
+        rows, count = self.rows, self.rows.shapes
+        missing = np.isnan(targets[:, 0])
+        linear = -np.where(missing[:, None], 0.0, targets).ravel() @ rows.rows.reshape(-1, len(rows.lower))
+        hold = np.zeros_like(self.hold) if self.last is None else self.hold
+        last = np.zeros_like(hold) if self.last is None else self.last
+        answer, certificate = self._solve(linear, hold, last, missing)
+        if self.last is not None:
+            scaled = (answer[:count] - last[:count]) ** 2 / (0.5 * self.prior.steps)
+            hold = hold * np.r_[2 / (1 + scaled), np.ones(len(hold) - count)]
+            answer, certificate = self._solve(linear, hold, last, missing)
+            self.steps += (answer[:count] - last[:count]) ** 2
+        self.moment += np.outer(answer[:count], answer[:count])
+        self.last, self.frames = answer, self.frames + 1
+        if self.frames % REFRESH == 0:
+            self._learn()
+        return answer, certificate
+
+    def _solve(self, linear, hold, last, missing):
+        rows = self.rows
+        answer, certificate = solve_box(
+            self.quadratic, (linear - hold * last)[None], diagonal=hold[None], lower=rows.lower, upper=rows.upper,
+            rows=rows.rows, missing=missing[None],
+        )  # fmt: skip
+        return answer[0], certificate
+
+    def _learn(self) -> None:
+        weight = self.frames + PSEUDO_FRAMES
+        covariance = (self.moment + PSEUDO_FRAMES * self.start.covariance) / weight
+        steps = (self.steps + PSEUDO_FRAMES * self.start.steps) / weight + self.step_floor
+        self.prior = TakePrior(covariance, steps)
+        self._refresh()
+
+
+def solve_live(
+    rows: MarkerRows, mirror: np.ndarray, rate: float, noise: float, *, symmetry: float = 0.97, smoothness: float = 1.0
+) -> tuple[np.ndarray, dict[str, np.ndarray], Certificate]:
+    """A whole take through a LiveSolver, as if it arrived frame by frame: unknowns (T, N + K), energies, certificate."""
+    solver = LiveSolver(rows, mirror, rate, noise, symmetry=symmetry, smoothness=smoothness)
+    targets = np.where(rows.missing[..., None], np.nan, rows.targets)
+    steps = [solver.step(frame) for frame in targets]
+    unknowns = np.array([answer for answer, _ in steps])
+    residuals = np.concatenate([certificate.residuals for _, certificate in steps])
+    certificate = Certificate(
+        max_kkt=float(residuals.max()),
+        iterations=float(np.mean([c.iterations for _, c in steps])),
+        converged=all(c.converged for _, c in steps),
+        residuals=residuals,
+    )
+    return unknowns, {"markers": np.nansum(rows.errors(unknowns) ** 2, axis=1)}, certificate

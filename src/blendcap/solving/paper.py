@@ -1,0 +1,51 @@
+"""The papers' solve: Eq. 3 of Reading Between the Dots (2016), Eq. 33 of the thesis (2017)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from blendcap.data import Certificate
+from blendcap.numerics.boxls import solve_box
+from blendcap.numerics.boxseq import solve_box_sequence
+from blendcap.solving.rows import MarkerRows
+
+
+def solve_paper(
+    rows: MarkerRows, beta: float, gamma: float, coupling: float = 0.0
+) -> tuple[np.ndarray, dict[str, np.ndarray], Certificate]:
+    """Minimise `|B0 + B a - T|² + beta |a|_1 + a' Gamma a` over `0 <= a <= 1` in every frame (Eq. 3).
+
+    The helmet's dummy shapes are charged as the shapes are, as in the thesis (4.1.6).
+
+    Parameters
+    ----------
+    rows : MarkerRows
+    beta, gamma : float
+        mm².
+    coupling : float
+        λ of λ |a_t - a_(t-1)|², mm²; 0 solves every frame on its own.
+
+    Returns
+    -------
+    unknowns : (T, N + K)
+    energies : {term: (T,)}
+        mm².
+    certificate : Certificate
+    """
+    size = len(rows.lower)
+    gram = rows.gram + gamma * np.eye(size)
+    signed = rows.lower < 0  # |a| is linear only where a has one sign; signed helmet unknowns are not charged
+    linear = rows.linear + np.where(signed, 0.0, beta / 2)
+    limits = {"lower": rows.lower, "upper": rows.upper, "rows": rows.rows, "missing": rows.missing}
+    if coupling > 0:
+        unknowns, certificate = solve_box_sequence(gram, linear, np.full(size, coupling), **limits)
+    else:
+        unknowns, certificate = solve_box(gram, linear, **limits)
+    steps = np.diff(unknowns, axis=0, prepend=unknowns[:1])
+    energies = {
+        "markers": np.nansum(rows.errors(unknowns) ** 2, axis=1),
+        "sparsity": beta * unknowns[:, ~signed].sum(1),
+        "ridge": gamma * (unknowns**2).sum(1),
+        "smoothness": coupling * (steps**2).sum(1),
+    }
+    return unknowns, energies, certificate

@@ -1,0 +1,115 @@
+"""A Gaussian prior on poses and their changes, learned from the very take that is being solved.
+
+Empirical Bayes: the prior's covariance is the second moment of the answer plus what the markers leave open
+(the posterior covariance). A few rounds are enough; without end the variances would keep shrinking.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+START_DEVIATION = 0.35  # of a weight, before the take is seen
+START_STEP = 0.02  # of a weight's change from frame to frame, at 60 frames a second
+STEP_FLOOR = 0.002  # likewise: the least that a shape is believed to move
+DEVIATION_FLOOR = 0.01  # the least standard deviation of a weight
+PSEUDO_FRAMES = 100  # how many frames the start counts for
+FREQUENCIES = 16  # at which the posterior covariance is sampled
+
+
+@dataclass(frozen=True, eq=False)
+class TakePrior:
+    """Zero-mean Gaussians of weights and of their steps.
+
+    Parameters
+    ----------
+    covariance : (N, N)
+        Of the weights.
+    steps : (N,)
+        Variance of each weight's change from one frame to the next.
+    """
+
+    covariance: np.ndarray
+    steps: np.ndarray
+
+
+def symmetric_prior(mirror: np.ndarray, symmetry: float, rate: float) -> TakePrior:
+    """The prior before the take is seen: left and right partners go together, all else is independent.
+
+    Parameters
+    ----------
+    mirror : (N,) int
+        Partner of each shape; itself if it has none.
+    symmetry : float
+        Correlation of partners.
+    rate : float
+        Frames a second; a random walk's step grows with the time between frames.
+    """
+    count = len(mirror)
+    covariance = np.eye(count)
+    paired = np.flatnonzero(mirror != np.arange(count))
+    covariance[paired, mirror[paired]] = symmetry
+    steps = np.full(count, START_STEP**2 * 60 / rate)
+    return TakePrior(START_DEVIATION**2 * covariance, steps)
+
+
+def learn_prior(
+    start: TakePrior, weights: np.ndarray, gram: np.ndarray, current: TakePrior, precision: np.ndarray,
+    noise: float, rate: float,
+) -> TakePrior:  # fmt: skip
+    """The prior re-estimated from an answer.
+
+    Parameters
+    ----------
+    start : TakePrior
+        The prior before the take was seen.
+    weights : (T, N)
+        The answer under the prior `current`.
+    gram : (N + K, N + K)
+        Mean data term `H'H`, mm².
+    current : TakePrior
+    precision : (N + K, N + K)
+        Quadratic term of the prior that was used, mm² (noise² times the inverse covariance).
+    noise : float
+        mm.
+    rate : float
+        Frames a second.
+    """
+    frames, count = weights.shape
+    open_pose, open_step = _posterior(gram + precision, noise**2 / current.steps, noise**2)
+    # A weight that rests on its bound is known: only the frames in which it is free leave it open.
+    free = (weights > 1e-6).mean(0)
+    moment = weights.T @ weights / frames + np.sqrt(free)[:, None] * open_pose * np.sqrt(free)
+    covariance = (frames * moment + PSEUDO_FRAMES * start.covariance) / (frames + PSEUDO_FRAMES)
+    covariance[np.diag_indices(count)] += DEVIATION_FLOOR**2
+    steps = (np.diff(weights, axis=0) ** 2).mean(0) + free * open_step if frames > 1 else current.steps
+    return TakePrior(covariance, steps + STEP_FLOOR**2 * 60 / rate)
+
+
+def step_weights(weights: np.ndarray, prior: TakePrior) -> np.ndarray:
+    """(T, N) factors on the coupling: Student's t with one degree of freedom in place of a Gaussian.
+
+    A large step (a blink, a plosive) is an event and not noise, so it is charged less; a small one is charged more.
+    """
+    factors = np.ones_like(weights)
+    scaled = np.diff(weights, axis=0) ** 2 / (0.5 * prior.steps)
+    factors[1:] = 2 / (1 + scaled)
+    return factors
+
+
+def _posterior(quadratic: np.ndarray, coupling: np.ndarray, noise: float) -> tuple[np.ndarray, np.ndarray]:
+    """Posterior covariance of a frame's weights (N, N) and variance of their steps (N,), as if the take had no ends.
+
+    A long chain of equal frames is diagonal in frequency: at the frequency w the coupling counts 2 - 2 cos w.
+    """
+    count = len(coupling)
+    pose, step = np.zeros((count, count)), np.zeros(count)
+    for k in range(FREQUENCIES):
+        factor = 2 - 2 * np.cos((k + 0.5) * np.pi / FREQUENCIES)
+        matrix = quadratic.copy()
+        matrix[np.arange(count), np.arange(count)] += coupling * factor
+        block = noise * np.linalg.inv(matrix)[:count, :count]
+        pose += block / FREQUENCIES
+        step += factor * np.diag(block) / FREQUENCIES
+    return pose, step

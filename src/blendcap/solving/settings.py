@@ -1,0 +1,90 @@
+"""What can be chosen about a solve."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from blendcap.data import InputError
+
+METHODS = ("learned", "paper", "live")
+HELMETS = ("rigid", "paper", "none")
+HEADS = ("auto", "remove", "keep")
+
+
+@dataclass(frozen=True)
+class SolveSettings:
+    """Choices of a marker solve; the defaults are what we recommend.
+
+    Parameters
+    ----------
+    method : {"learned", "paper", "live"}
+        "learned": exact whole-take solves whose prior and dynamics are learned from the take itself.
+        "paper": Eq. 3 of the 2016 paper (Eq. 33 of the thesis), every frame on its own.
+        "live": as learned, but with the past only.
+    smoothness : float
+        Factor on the learned coupling of neighbouring frames (learned, live): 1 as learned, 0 none.
+    beta : float
+        β of Eq. 3, mm² (paper): the cost of the sum of weights. The larger, the sparser and the more muted.
+    gamma : float
+        ε of Γ = εI in Eq. 3, mm² (paper): keeps the optimum unique.
+    coupling : float
+        λ of λ |a_t - a_(t-1)|² added to Eq. 3, mm² (paper); 0 is the paper's.
+    helmet : {"rigid", "paper", "none"}
+        Motion of the helmet against the head: six signed unknowns, the thesis' twelve dummy shapes (Eq. 34 to 37), or none.
+    head : {"auto", "remove", "keep"}
+        Large head motion, found from stable markers and returned on its own: removed if there is any, always, or never.
+    stable : (K,) str
+        Names of markers that do not move with the face; found from the take if empty.
+    longest_gap : float
+        Seconds; shorter gaps of a marker are filled before the solve, longer ones stay missing.
+    noise : float, optional
+        Standard deviation of a marker coordinate, mm; estimated from the take if not given.
+    model_error : float
+        Standard deviation of what the rig cannot explain, mm; added to the noise, so that a clean take is not over-fitted.
+    symmetry : float
+        Correlation of left and right partners before the take is seen (learned, live), 0 to 0.99.
+    passes : int
+        Solves of the whole take (learned); the prior is re-estimated between them.
+
+    Raises
+    ------
+    InputError
+        If a name is unknown or a number is out of its range.
+    """
+
+    method: str = "learned"
+    smoothness: float = 1.0
+    beta: float = 0.3
+    gamma: float = 0.001
+    coupling: float = 0.0
+    helmet: str = "rigid"
+    head: str = "auto"
+    stable: tuple[str, ...] = ()
+    longest_gap: float = 0.1
+    noise: float | None = None
+    model_error: float = 0.06
+    symmetry: float = 0.97
+    passes: int = 3
+
+    def __post_init__(self):
+        for name, known in (("method", METHODS), ("helmet", HELMETS), ("head", HEADS)):
+            if getattr(self, name) not in known:
+                raise InputError(f"The {name} {getattr(self, name)!r} is unknown; choose one of {', '.join(known)}.")
+        for name in ("smoothness", "beta", "gamma", "coupling", "longest_gap", "model_error"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value >= 0):
+                raise InputError(f"The setting {name} must be a number that is not negative, but is {value!r}.")
+        if self.noise is not None and not (np.isfinite(self.noise) and self.noise > 0):
+            raise InputError(
+                f"The noise must be a positive number of mm, but is {self.noise!r}; leave it out if unknown."
+            )
+        if not 0 <= self.symmetry <= 0.99:
+            raise InputError(f"The symmetry must lie between 0 and 0.99, but is {self.symmetry!r}.")
+        if self.passes < 1:
+            raise InputError(f"A solve needs at least one pass, but passes is {self.passes!r}.")
+
+    def as_text(self) -> dict[str, str]:
+        """The settings as names and texts, for a report."""
+        return {f.name: str(getattr(self, f.name)) for f in fields(self)}
