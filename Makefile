@@ -1,0 +1,49 @@
+# Everything sets itself up: all that is needed is make and Python 3.10 to 3.13 (`make demo PYTHON=python3.12` chooses one).
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.installed
+CODE := src tests benchmarks examples
+
+.PHONY: help setup demo test slow lint types check bench clean
+
+help:  ## say what there is to make
+	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | sort | expand -t 10
+
+setup: $(STAMP)  ## make .venv and install blendcap in it (again only when pyproject.toml has changed)
+
+$(STAMP): pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit(not (3, 10) <= sys.version_info[:2] < (3, 14))' \
+	  || { echo "blendcap needs Python 3.10 to 3.13; name one: make PYTHON=python3.12" >&2; exit 1; }
+	@$(PYTHON) -c 'import ensurepip, venv' \
+	  || { echo "This Python cannot make environments; install its venv package (Debian, Ubuntu: apt install python3-venv)." >&2; exit 1; }
+	@echo "Setting up $(VENV) (a minute or two, once)"
+	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	@touch $@
+
+demo: $(STAMP)  ## the whole marker pipeline on the embedded mannequin, into demo/
+	@$(BIN)/blendcap demo --out demo
+
+test: $(STAMP)  ## the quick tests
+	@$(BIN)/python -m pytest
+
+slow: $(STAMP)  ## the slow tests
+	@$(BIN)/python -m pytest -m slow
+
+lint: $(STAMP)  ## style, format and the floors of the house
+	@$(BIN)/ruff check $(CODE)
+	@$(BIN)/ruff format --check $(CODE)
+	@$(BIN)/lint-imports
+
+types: $(STAMP)  ## pyright
+	@$(BIN)/pyright
+
+check: lint types test  ## what to run before a commit
+
+bench: $(STAMP)  ## the benchmarks, with every peer; writes benchmarks/RESULTS.md
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[bench]'
+	@$(BIN)/python -m benchmarks
+
+clean:  ## remove what was built
+	rm -rf $(VENV) demo build dist .pytest_cache .ruff_cache .import_linter_cache

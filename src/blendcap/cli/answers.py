@@ -1,0 +1,55 @@
+"""How commands answer: for people as lines, for programs as JSON."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from typing import Annotated, Any
+
+from cyclopts import Parameter
+
+AsJson = Annotated[bool, Parameter(name="--json", negative=(), show_default=False)]
+
+
+def print_json(answer: Mapping[str, Any]) -> None:
+    """Print plain JSON: arrays as lists, NaN and infinity as null."""
+    print(json.dumps(_plain(answer), indent=2, allow_nan=False))
+
+
+def print_lines(answer: Mapping[str, Any]) -> None:
+    """Print one aligned line a fact; long lists are shortened."""
+    width = max(len(key) for key in answer) + 2
+    for key, value in answer.items():
+        print(f"{key.replace('_', ' '):<{width}}{_text(value)}")
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(k): _plain(v) for k, v in value.items()}
+    if hasattr(value, "tolist"):  # NumPy's arrays and numbers
+        return _plain(value.tolist())
+    if isinstance(value, (list, tuple)):
+        return [_plain(v) for v in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return _short([f"{k} {_text(v)}" for k, v in value.items()])
+    if isinstance(value, (list, tuple)):
+        return f"{len(value)}: {_short([str(v) for v in value])}" if value else "none"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, int):
+        return f"{value:,}"
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    return str(value)
+
+
+def _short(words: list[str], most: int = 12) -> str:
+    more = f" and {len(words) - most} more" if len(words) > most else ""
+    return ", ".join(words[:most]) + more

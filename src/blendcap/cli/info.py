@@ -1,0 +1,23 @@
+"""blendcap info FILE."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from blendcap.cli.answers import AsJson, print_json, print_lines
+
+
+def info(file: Path, /, *, as_json: AsJson = False) -> None:
+    """Say what a rig, mesh, take or animation file holds.
+
+    Parameters
+    ----------
+    file
+        Any file that blendcap reads.
+    as_json
+        Print the answer as JSON.
+    """
+    from blendcap.io import describe
+
+    facts = describe(file)
+    (print_json if as_json else print_lines)(facts)

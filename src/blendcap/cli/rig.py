@@ -1,0 +1,29 @@
+"""blendcap rig convert IN OUT."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from cyclopts import App
+
+rig = App(name="rig", help="Make and convert rigs.")
+
+
+@rig.command
+def convert(source: Path, out: Path, /) -> None:
+    """Write a rig in another format.
+
+    Parameters
+    ----------
+    source
+        A rig: .glb, .npz, a folder of .obj files or an ICT-FaceKit folder.
+    out
+        The file to write; its ending says the format.
+    """
+    from blendcap.cli.outputs import check_outputs
+    from blendcap.io import read_rig, write_rig
+
+    check_outputs([out])
+    answer = read_rig(source)
+    write_rig(out, answer)
+    print(f"{out}: {len(answer.mesh.vertices):,} vertices, {len(answer.names)} shapes")

@@ -1,0 +1,161 @@
+"""blendcap solve TAKE -o OUT --rig RIG."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from cyclopts import Parameter
+
+import blendcap
+from blendcap.cli.answers import AsJson, print_json, print_lines
+from blendcap.cli.outputs import check_outputs
+from blendcap.cli.progress import Progress
+
+if TYPE_CHECKING:
+    from blendcap.data import Binding, MarkerTake, Rig, Solution
+
+
+def solve(
+    take: Path,
+    /,
+    *,
+    output: Annotated[tuple[Path, ...], Parameter(name=("--output", "-o"), negative=())],
+    rig: Path,
+    rom: Path | None = None,
+    correspondences: Path | None = None,
+    unit: Literal["m", "cm", "mm"] | None = None,
+    method: Literal["learned", "paper", "live"] = "learned",
+    smoothness: float | None = None,
+    beta: float | None = None,
+    helmet: Literal["rigid", "paper", "none"] = "rigid",
+    head: Literal["auto", "remove", "keep"] = "auto",
+    preview: Path | None = None,
+    report: Path | None = None,
+    picture: Path | None = None,
+    as_json: AsJson = False,
+) -> None:
+    """Solve a take: markers in, weights of the rig's shapes out.
+
+    Parameters
+    ----------
+    take
+        The markers: .c3d, .trc or .csv. The first frames should be neutral.
+    output
+        The animation to write: .csv, .glb or .npz; repeat -o for several.
+    rig
+        The rig to drive: .glb, .npz, a folder of .obj files or an ICT-FaceKit folder.
+    rom
+        A range-of-motion take of the same markers; it places the markers on the rig more exactly.
+    correspondences
+        A .json that says where each marker sits: {"NoseTip": 4321, "ChinL": "landmarks68/7"}. Found from the shape of
+        the marker cloud if not given: check the picture then.
+    unit
+        The unit of the take, if the file does not say it.
+    method
+        learned: exact whole-take solve, prior learned from the take. paper: Eq. 3 of the 2016 paper. live: past only.
+    smoothness
+        Strength of the coupling of neighbouring frames: 1 is as learned, 0 none. With --method paper: λ in mm².
+    beta
+        The paper's β in mm²: the larger, the sparser and the more muted. Only with --method paper.
+    helmet
+        Motion of the head rig: six signed unknowns, the thesis' twelve dummy shapes, or none.
+    head
+        Large head motion: removed if there is any, always, or never.
+    preview
+        A .mp4 of the answer with the markers on it.
+    report
+        A self-contained .html page: figures, plots, warnings.
+    picture
+        A .png of the markers on the rig, to check the binding.
+    as_json
+        Print the answer as JSON.
+    """
+    from blendcap.io import read_correspondences, read_markers, read_rig
+
+    check_outputs((*output, preview, report, picture))
+    settings = _settings(method, smoothness, beta, helmet=helmet, head=head)
+    progress = Progress(quiet=as_json)
+    with progress.step("Read the rig and the take"):
+        the_rig, the_take = read_rig(rig), read_markers(take, unit=unit)
+        motion = None if rom is None else read_markers(rom, unit=unit)
+        places = None if correspondences is None else read_correspondences(correspondences)
+    with progress.step("Place the markers on the rig"):
+        binding = blendcap.bind(the_rig, the_take, places, motion)
+    with progress.step(f"Solve {len(the_take.positions):,} frames"):
+        solution = blendcap.solve(the_rig, the_take, binding, settings=settings)
+    files = write_answers(the_rig, solution, binding, progress, output, preview=preview, report=report, picture=picture)
+    facts = summary(the_take, solution, progress)
+    if as_json:
+        print_json(facts | {"files": [str(f) for f in files]})
+    else:
+        print_lines({k: v for k, v in facts.items() if k != "rms_mm_per_marker"} | {"wrote": [str(f) for f in files]})
+
+
+def write_answers(
+    rig: Rig,
+    solution: Solution,
+    binding: Binding,
+    progress: Progress,
+    output: tuple[Path, ...],
+    *,
+    preview: Path | None = None,
+    report: Path | None = None,
+    picture: Path | None = None,
+) -> list[Path]:
+    """Write what was asked for; returns the files."""
+    from blendcap.io import write_animation
+
+    frames = len(solution.rms)
+    for path in output:
+        with progress.step(f"Write {path}"):
+            write_animation(path, solution.animation, rig=rig)
+    if preview is not None:
+        from blendcap.view import write_preview
+
+        with progress.step(f"Write {preview}", total=frames) as advance:
+            write_preview(
+                preview, rig, solution.animation, targets=solution.targets, fitted=solution.fitted, progress=advance
+            )
+    if picture is not None:
+        from blendcap.view import write_binding_picture
+
+        with progress.step(f"Write {picture}"):
+            write_binding_picture(picture, rig, binding)
+    if report is not None:
+        from blendcap.view import write_report
+
+        with progress.step(f"Write {report}"):
+            write_report(report, rig, solution, binding=binding, video=preview)
+    return [*output, *(p for p in (preview, picture, report) if p is not None)]
+
+
+def summary(take: MarkerTake, solution: Solution, progress: Progress) -> dict[str, Any]:
+    """The facts of a solve, as `solve --json` prints them."""
+    import numpy as np
+
+    squares = np.square(solution.residuals)
+    seen = np.isfinite(squares)
+    counts = seen.sum(0)
+    per_marker = np.sqrt(np.where(seen, squares, 0).sum(0) / np.where(counts > 0, counts, np.nan))
+    return {
+        "frames": len(take.positions),
+        "rate": take.rate,
+        "markers": len(take.names),
+        "rms_mm": float(np.sqrt(squares[seen].mean())) if seen.any() else np.nan,
+        "rms_mm_per_marker": dict(zip(solution.marker_names, per_marker.tolist(), strict=True)),
+        "max_kkt": solution.certificate.max_kkt,
+        "converged": solution.certificate.converged,
+        "unseen": list(solution.unseen),
+        "seconds": progress.seconds,
+    }
+
+
+def _settings(method: str, smoothness: float | None, beta: float | None, **others: str):
+    """Only what was asked for; the rest keeps the defaults of SolveSettings."""
+    given: dict[str, Any] = {"method": method, **others}
+    if smoothness is not None:
+        given["coupling" if method == "paper" else "smoothness"] = smoothness
+    if beta is not None:
+        given["beta"] = beta
+    return blendcap.SolveSettings(**given)
