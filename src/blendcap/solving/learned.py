@@ -44,8 +44,9 @@ def solve_learned(
     """Weights of the whole take, most probable under a prior that the take itself teaches.
 
     Minimises, exactly and for all frames at once,
-    `|y_t - B a_t - R u_t|² + s² a_t' C⁻¹ a_t + sum_i s² w_ti / q_i (a_ti - a_(t-1)i)²` with `0 <= a <= 1`, where s is the noise,
-    C the covariance of poses, q the variance of steps and w their Student weights; C, q and w are re-estimated between passes.
+    `|y_t - B a_t - R u_t|² + s² a_t' C⁻¹ a_t + sum_i s² w_ti / q_i (a_ti - a_(t-1)i)²` with `0 <= a <= 1`,
+    where s is the noise, C the covariance of poses, q the variance of steps and w their Student weights;
+    C, q and w are re-estimated between passes.
 
     Parameters
     ----------

@@ -97,7 +97,7 @@ class LiveSolver:
 def solve_live(
     rows: MarkerRows, mirror: np.ndarray, rate: float, noise: float, *, symmetry: float = 0.97, smoothness: float = 1.0
 ) -> tuple[np.ndarray, dict[str, np.ndarray], Certificate]:
-    """A whole take through a LiveSolver, as if it arrived frame by frame: unknowns (T, N + K), energies, certificate."""
+    """A whole take through a LiveSolver as if it arrived live: unknowns (T, N + K), energies, certificate."""
     solver = LiveSolver(rows, mirror, rate, noise, symmetry=symmetry, smoothness=smoothness)
     targets = np.where(rows.missing[..., None], np.nan, rows.targets)
     steps = [solver.step(frame) for frame in targets]
