@@ -32,7 +32,8 @@ class SolveSettings:
     coupling : float
         λ of λ |a_t - a_(t-1)|² added to Eq. 3, mm² (paper); 0 is the paper's.
     helmet : {"rigid", "paper", "none"}
-        Motion of the helmet against the head: six signed unknowns, the thesis' twelve dummy shapes (Eq. 34 to 37), or none.
+        Motion of the helmet against the head: six signed unknowns, the thesis' twelve dummy shapes (Eq. 34 to 37),
+        or none.
     head : {"auto", "remove", "keep"}
         Large head motion, found from stable markers and returned on its own: removed if there is any, always, or never.
     stable : (K,) str
@@ -42,7 +43,8 @@ class SolveSettings:
     noise : float, optional
         Standard deviation of a marker coordinate, mm; estimated from the take if not given.
     model_error : float
-        Standard deviation of what the rig cannot explain, mm; added to the noise, so that a clean take is not over-fitted.
+        Standard deviation of what the rig cannot explain, mm; added to the noise, so that a clean take is not
+        over-fitted.
     symmetry : float
         Correlation of left and right partners before the take is seen (learned, live), 0 to 0.99.
     passes : int
