@@ -125,7 +125,7 @@ def make_take(
         that eases into the first pose; 0 adds neither. The truth holds these frames too.
     """
     rng = np.random.default_rng(seed)
-    played = _with_neutral(performer.act(animation), neutral_frames)
+    played = performer.act(_with_neutral(animation, neutral_frames))
     count = len(played.weights)
     drift = partial(_drift, count, played.rate, still=neutral_frames)
     if head is not None:

@@ -1,0 +1,170 @@
+"""Cases with known truth: real performances on ICT-FaceKit faces of performers who are not the rig.
+
+What is tuned uses `cases("tuning")` only; what is reported comes from `cases("report")`, which share no frame, no
+identity, no performer seed and no range of motion noise with them. Alexander's recording is split in the middle: its
+first half tunes, its second half reports.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from blendcap.data import Animation, MarkerTake, Mesh, Rig, SurfacePoints, triangulate
+from blendcap.data.names import mirror_map
+from blendcap.synthetic.performances import for_rig, range_of_motion
+from blendcap.synthetic.performer import Performer, make_performer
+from blendcap.synthetic.takes import Truth, choose_points, make_take
+
+DATA = Path(os.environ.get("BLENDCAP_DATA", Path(__file__).resolve().parents[2] / "shared" / "data"))
+FACE = 9409  # vertices of the face skin, without the back of the head, eyes and mouth
+MM = 10.0  # ICT-FaceKit is in centimetres
+LEFT_OUT = ("PupilDilate", "cheekRaiser")  # no performance drives them
+MARKERS = 50
+
+
+@dataclass(frozen=True)
+class Case:
+    """One performer, one range of motion, one take, and everything that is true about them.
+
+    `points_given` is where a technician would click; the markers sit at `points_true`, in both takes.
+    """
+
+    name: str
+    rig: Rig
+    rom_take: MarkerTake
+    rom_truth: Truth
+    take: MarkerTake
+    truth: Truth
+    points_given: SurfacePoints
+    points_true: SurfacePoints
+
+    @property
+    def performer(self) -> Performer:
+        return self.truth.performer
+
+    @property
+    def true_animation(self) -> Animation:
+        """The truth with the performer's correctives, for `evaluate(..., truth_rig=case.performer.rig)`."""
+        return self.performer.act(self.truth.animation)
+
+
+# name, performance, first and last frame, identity, seed
+PLANS = {
+    "tuning": (
+        ("alex first half, identity 1", "alexdjulin_alex_rom_3.csv", 0, 1500, 1, 1),
+        ("happy, identity 2", "neurosync_Happy_Happy.csv", 0, 1500, 2, 2),
+        ("alex first half, identity 3", "alexdjulin_alex_rom_3.csv", 500, 2000, 3, 3),
+    ),
+    "report": (
+        ("alex second half, identity 11", "alexdjulin_alex_rom_3.csv", 2030, 4030, 11, 11),
+        ("alex second half, identity 12", "alexdjulin_alex_rom_3.csv", 2030, 4030, 12, 12),
+        ("alex second half, identity 13", "alexdjulin_alex_rom_3.csv", 2030, 4030, 13, 13),
+    ),
+}
+
+
+def cases(
+    kind: str = "tuning",
+    *,
+    strength: float = 1.0,
+    noise: float = 0.2,
+    misplacement: float = 1.5,
+    slip: tuple[float, float] = (2.0, 2.0),
+    occlusion: float = 0.05,
+    markers: int = MARKERS,
+) -> Iterator[Case]:
+    """Cases of one kind, built one at a time."""
+    flaws = {"noise": noise, "slip": slip, "occlusion": occlusion}
+    for name, recording, first, last, identity, seed in PLANS[kind]:
+        rig = ict_rig(identity)
+        performer = make_performer(rig, seed=seed, strength=strength)
+        given = choose_points(rig, markers, seed=seed)
+        rom = range_of_motion(rig, rate=60.0)
+        rom_take, rom_truth = make_take(performer, rom, given, seed=1000 + seed, misplacement=misplacement, **flaws)
+        acted = performance(recording, rig, first, last)
+        glued = rom_truth.points
+        take, truth = make_take(performer, acted, glued, seed=2000 + seed, misplacement=0.0, **flaws)
+        yield Case(name, rig, rom_take, rom_truth, take, truth, given, glued)
+
+
+def ict_rig(identity: int | None = None) -> Rig:
+    """The skin of the ICT face with 53 shapes; an identity is drawn from its 100 modes by seed, None is the mean."""
+    parts = _ict()
+    neutral = parts["neutral"]
+    if identity is not None:
+        coefficients = np.random.default_rng(identity).normal(size=len(parts["modes"]))
+        neutral = neutral + np.tensordot(coefficients, parts["modes"], axes=1)
+    return Rig(
+        Mesh(neutral, parts["faces"]),
+        parts["deltas"],
+        parts["names"],
+        mirror=mirror_map(parts["names"]),
+        combinations={"mouthClose": ("jawOpen",)},
+        regions=parts["regions"],
+        contacts=parts["contacts"],
+        name="ICT" if identity is None else f"ICT {identity}",
+    )
+
+
+def performance(recording: str, rig: Rig, first: int = 0, last: int | None = None) -> Animation:
+    """A real ARKit performance on the rig's shapes, clipped to 0 to 1, frames `first` to `last`."""
+    with open(DATA / "performances" / recording, newline="") as file:
+        header, *rows = list(csv.reader(file))
+    values = np.array(rows, dtype=np.float64)
+    rate = round(1 / np.median(np.diff(values[:, 0])))
+    table = json.loads((DATA / "rigs" / "ict_arkit52_map.json").read_text())
+    names = tuple(n for n in header if n in table)
+    weights = values[first:last, [header.index(n) for n in names]]
+    return for_rig(Animation(weights, names, rate), rig, table)
+
+
+@cache
+def _ict() -> dict:
+    with np.load(DATA / "rigs" / "ict_facekit.npz", allow_pickle=False) as file:
+        names = [str(n) for n in file["expression_names"]]
+        kept = [i for i, n in enumerate(names) if not n.startswith(LEFT_OUT)]
+        polygons = file["faces"]
+        landmarks = file["landmarks68_multipie"]
+        parts = {
+            "names": tuple(names[i] for i in kept),
+            "neutral": file["neutral"][:FACE] * MM,
+            "deltas": file["expression_deltas"][kept, :FACE] * np.float32(MM),
+            "modes": file["identity_deltas"][:, :FACE] * np.float32(MM),
+            "faces": triangulate(polygons[(polygons < FACE).all(1)]),
+        }
+    parts["regions"] = _regions(parts, landmarks)
+    parts["contacts"] = {
+        "lips": landmarks[[[61, 67], [62, 66], [63, 65]]],
+        "lids_right": landmarks[[[37, 41], [38, 40]]],  # the subject's right eye is the left in the picture
+        "lids_left": landmarks[[[43, 47], [44, 46]]],
+    }
+    return parts
+
+
+def _regions(parts: dict, landmarks: np.ndarray) -> dict[str, np.ndarray]:
+    """Brows, lids, nose and lips within 12 mm of their landmarks; the rest is forehead, cheeks, jaw and neck by height."""
+    vertices = parts["neutral"].astype(np.float64)
+    marks = vertices[landmarks]
+    groups = {"brows": marks[17:27], "nose": marks[27:36], "lids": marks[36:48], "lips": marks[48:68]}
+    distance = {name: np.linalg.norm(vertices[:, None] - places, axis=2).min(1) for name, places in groups.items()}
+    near = np.stack(list(distance.values()))
+    owner = np.where(near.min(0) < 12.0, near.argmin(0), -1)
+    rest = owner < 0
+    above, below = marks[17:27, 1].min(), marks[[48, 54], 1].mean()
+    jawline = marks[np.linalg.norm(vertices[:, None, ::2] - marks[None, :17, ::2], axis=2).argmin(1), 1]
+    neck = rest & (vertices[:, 1] < np.minimum(jawline, below) - 8.0)
+    rest &= ~neck
+    regions = {name: np.flatnonzero(owner == i) for i, name in enumerate(groups)}
+    regions["forehead"] = np.flatnonzero(rest & (vertices[:, 1] > above))
+    regions["neck"] = np.flatnonzero(neck)
+    regions["jaw"] = np.flatnonzero(rest & (vertices[:, 1] < below))
+    regions["cheeks"] = np.flatnonzero(rest & (vertices[:, 1] <= above) & (vertices[:, 1] >= below))
+    return regions
