@@ -1,1 +1,1 @@
-"""For people to look at: preview, plots, heat map, report."""
+"""For people to look at: stills, previews, contact sheets, plots, heat maps and the report."""

@@ -1,0 +1,34 @@
+"""Normals of a surface."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+
+def vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Unit normals (V, 3) at the vertices: the sum of the faces' normals, weighted with their area.
+
+    A vertex that no face uses, or whose faces have no area, has the normal (0, 0, 0).
+    """
+    vertices = np.ascontiguousarray(vertices, dtype=np.float64)
+    return _vertex_normals(vertices, np.ascontiguousarray(faces, dtype=np.int64))
+
+
+@njit(cache=True, nogil=True)
+def _vertex_normals(vertices, faces):
+    normals = np.zeros_like(vertices)
+    for f in range(len(faces)):
+        i, j, k = faces[f]
+        ax, ay, az = vertices[j] - vertices[i]
+        bx, by, bz = vertices[k] - vertices[i]
+        normal = (ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx)
+        for corner in (i, j, k):
+            for d in range(3):
+                normals[corner, d] += normal[d]
+    for v in range(len(normals)):
+        x, y, z = normals[v]
+        length = np.sqrt(x * x + y * y + z * z)
+        if length > 0:
+            normals[v] /= length
+    return normals

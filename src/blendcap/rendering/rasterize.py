@@ -1,0 +1,153 @@
+"""Which triangle each pixel sees: a z-buffer in homogeneous coordinates.
+
+Edge functions are cross products of the triangle's corners in homogeneous pixels (x z, y z, z), after Olano and
+Greer, "Triangle Scan Conversion using 2D Homogeneous Coordinates" (1997). So nothing needs clipping: a triangle may
+reach behind the camera. The three edge values over their sum are the perspective-correct barycentric coordinates, and
+their sum over the determinant is one over the depth. Two triangles that share an edge compute exactly opposite values
+on it, so that with a tie rule each pixel on the edge belongs to exactly one of them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from blendcap.data import Camera
+from blendcap.rendering.camera import to_homogeneous
+from blendcap.rendering.parallel import each_band
+
+NEAR = 1e-3  # mm; what is nearer to the camera is not seen
+BAND = 32  # rows that one thread fills at a time
+
+
+@dataclass(frozen=True, eq=False)
+class Fragments:
+    """What each pixel sees.
+
+    Parameters
+    ----------
+    depth : (H, W) float64
+        Distance along the camera's axis, mm; infinite where nothing is seen.
+    face : (H, W) int32
+        The triangle; -1 where nothing is seen.
+    barycentric : (H, W, 3) float64
+        Perspective-correct weights of the triangle's corners; 0 where nothing is seen.
+    """
+
+    depth: np.ndarray
+    face: np.ndarray
+    barycentric: np.ndarray
+
+
+def rasterize(vertices: np.ndarray, faces: np.ndarray, camera: Camera, size: tuple[int, int]) -> Fragments:
+    """The nearest triangle at the centre of each pixel.
+
+    Parameters
+    ----------
+    vertices : (V, 3)
+        mm.
+    faces : (F, 3)
+        Both sides are seen.
+    size : (width, height)
+        Pixels; the centre of the first one is at (0, 0).
+    """
+    corners = to_homogeneous(vertices, camera)
+    faces = np.ascontiguousarray(faces, dtype=np.int64)
+    face, nearness = visibility(corners, faces, size)
+    barycentric = np.zeros((*face.shape, 3))
+    each_band(len(face), BAND, lambda start, stop: _barycentric(corners, faces, face, start, stop, barycentric))
+    with np.errstate(divide="ignore"):
+        return Fragments(1 / nearness, face, barycentric)
+
+
+def visibility(corners: np.ndarray, faces: np.ndarray, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+    """The triangle (H, W) int32, -1 for none, and one over its depth (H, W): 0 for none.
+
+    `corners` (V, 3) come from `to_homogeneous`.
+    """
+    width, height = size
+    face = np.full((height, width), -1, dtype=np.int32)
+    nearness = np.zeros((height, width))
+    each_band(height, BAND, lambda start, stop: fill(corners, faces, start, stop, face, nearness))
+    return face, nearness
+
+
+@njit(cache=True, nogil=True)
+def edges(corners, i, j, k):
+    """The three edge functions (a, b, c) of a triangle, for `a x + b y + c`, and its determinant."""
+    x0, y0, z0 = corners[i]
+    x1, y1, z1 = corners[j]
+    x2, y2, z2 = corners[k]
+    e0 = (y1 * z2 - z1 * y2, z1 * x2 - x1 * z2, x1 * y2 - y1 * x2)
+    e1 = (y2 * z0 - z2 * y0, z2 * x0 - x2 * z0, x2 * y0 - y2 * x0)
+    e2 = (y0 * z1 - z0 * y1, z0 * x1 - x0 * z1, x0 * y1 - y0 * x1)
+    return e0, e1, e2, x0 * e0[0] + y0 * e0[1] + z0 * e0[2]
+
+
+@njit(cache=True, nogil=True)
+def _span(corners, axis, i, j, k, stop):
+    """First and last pixel along an axis that a triangle may cover; all of them where it reaches behind the camera."""
+    if corners[i, 2] <= NEAR or corners[j, 2] <= NEAR or corners[k, 2] <= NEAR:
+        return 0, stop - 1
+    a, b, c = corners[i, axis] / corners[i, 2], corners[j, axis] / corners[j, 2], corners[k, axis] / corners[k, 2]
+    low, high = min(a, b, c), max(a, b, c)
+    first = min(max(np.ceil(low - 1e-9), 0), stop)  # clamped before the whole number: a far corner may be at 1e20
+    return int(first), int(max(min(np.floor(high + 1e-9), stop - 1), -1))
+
+
+@njit(cache=True, nogil=True)
+def _inside(value, a, b):
+    """On the inner side of an edge; what is exactly on it belongs to the triangle that has it on its left or top."""
+    return value > 0 or (value == 0 and (a > 0 or (a == 0 and b > 0)))
+
+
+@njit(cache=True, nogil=True)
+def fill(corners, faces, top, bottom, face, nearness):
+    """Write rows `top` to `bottom` of the z-buffer: `face` and one over the depth, `nearness`."""
+    width = face.shape[1]
+    for f in range(len(faces)):
+        i, j, k = faces[f]
+        if corners[i, 2] <= NEAR and corners[j, 2] <= NEAR and corners[k, 2] <= NEAR:
+            continue
+        first, last = _span(corners, 1, i, j, k, bottom)
+        first = max(first, top)
+        if first > last:
+            continue
+        left, right = _span(corners, 0, i, j, k, width)
+        if left > right:
+            continue
+        (a0, b0, c0), (a1, b1, c1), (a2, b2, c2), det = edges(corners, i, j, k)
+        if not abs(det) > 0:  # seen exactly from its edge, or not a number
+            continue
+        if det < 0:  # seen from behind: turn all signs, so that inside is positive
+            a0, b0, c0, a1, b1, c1, a2, b2, c2 = -a0, -b0, -c0, -a1, -b1, -c1, -a2, -b2, -c2
+        scale = 1 / abs(det)
+        for y in range(first, last + 1):
+            r0, r1, r2 = b0 * y + c0, b1 * y + c1, b2 * y + c2
+            for x in range(left, right + 1):
+                e0, e1, e2 = a0 * x + r0, a1 * x + r1, a2 * x + r2
+                if _inside(e0, a0, b0) and _inside(e1, a1, b1) and _inside(e2, a2, b2):
+                    near = (e0 + e1 + e2) * scale
+                    if near > nearness[y, x] and near < 1 / NEAR:
+                        nearness[y, x] = near
+                        face[y, x] = f
+
+
+@njit(cache=True, nogil=True)
+def weights_at(corners, i, j, k, x, y):
+    """Perspective-correct barycentric coordinates of a triangle at a pixel."""
+    (a0, b0, c0), (a1, b1, c1), (a2, b2, c2), _ = edges(corners, i, j, k)
+    e0, e1, e2 = a0 * x + (b0 * y + c0), a1 * x + (b1 * y + c1), a2 * x + (b2 * y + c2)
+    total = e0 + e1 + e2
+    return e0 / total, e1 / total, e2 / total
+
+
+@njit(cache=True, nogil=True)
+def _barycentric(corners, faces, face, top, bottom, out):
+    for y in range(top, bottom):
+        for x in range(face.shape[1]):
+            if face[y, x] >= 0:
+                i, j, k = faces[face[y, x]]
+                out[y, x] = weights_at(corners, i, j, k, x, y)

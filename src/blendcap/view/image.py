@@ -1,0 +1,71 @@
+"""Pictures: to a file, and with dots and words on them."""
+
+from __future__ import annotations
+
+import io
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from blendcap.data import InputError
+from blendcap.io.atomic import write_whole
+
+
+def png(picture: np.ndarray) -> bytes:
+    """A picture (H, W, 3) uint8 as a PNG file's bytes."""
+    from PIL import Image
+
+    buffer = io.BytesIO()
+    Image.fromarray(picture).save(buffer, "png")
+    return buffer.getvalue()
+
+
+def write_image(path: str | Path, picture: np.ndarray) -> None:
+    """Write a picture (H, W, 3) uint8 as PNG."""
+    path = Path(path)
+    if path.suffix.lower() != ".png":
+        raise InputError(f"Cannot write {path} as a picture; end its name with .png.")
+    with write_whole(path) as temporary:
+        temporary.write_bytes(png(picture))
+
+
+def draw_dots(picture: np.ndarray, pixels: np.ndarray, color: tuple[int, int, int], radius: float) -> None:
+    """Draw discs at `pixels` (M, 2), antialiased, on a picture; what is NaN or outside is left out."""
+    import cv2
+
+    height, width = picture.shape[:2]
+    inside = np.isfinite(pixels).all(1) & (np.abs(pixels) < 4 * max(width, height)).all(1)
+    for x, y in np.round(pixels[inside] * 16).astype(int):  # 4 bits below the pixel
+        cv2.circle(picture, (int(x), int(y)), round(radius * 16), color, -1, cv2.LINE_AA, 4)
+
+
+def draw_lines(picture: np.ndarray, start: np.ndarray, end: np.ndarray, color: tuple[int, int, int]) -> None:
+    """Draw lines between `start` and `end` (M, 2), pixels, antialiased, on a picture; NaN is left out."""
+    import cv2
+
+    limit = 4 * max(picture.shape[:2])
+    both = np.concatenate([start, end], 1)
+    inside = np.isfinite(both).all(1) & (np.abs(both) < limit).all(1)
+    for x0, y0, x1, y1 in np.round(both[inside] * 16).astype(int):
+        cv2.line(picture, (int(x0), int(y0)), (int(x1), int(y1)), color, 1, cv2.LINE_AA, 4)
+
+
+def draw_text(
+    picture: np.ndarray, text: str, at: tuple[int, int], *, height: int, anchor: str = "la", color=(45, 48, 54)
+) -> None:
+    """Write a line of text of `height` pixels at a place (x, y) on a picture; `anchor` as in Pillow."""
+    from PIL import Image, ImageDraw
+
+    strip = Image.fromarray(picture)
+    ImageDraw.Draw(strip).text(at, text, fill=color, font=_font(height), anchor=anchor)
+    picture[:] = strip
+
+
+@cache
+def _font(height: int):
+    """The typeface that the plots use too."""
+    import matplotlib
+    from PIL import ImageFont
+
+    return ImageFont.truetype(str(Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"), height)

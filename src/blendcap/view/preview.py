@@ -1,0 +1,97 @@
+"""An animation as a shaded video."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from blendcap.data import Animation, Camera, InputError, Rig
+from blendcap.rendering import default_colors, face_camera, prepare, project
+from blendcap.view.image import draw_dots, draw_lines, draw_text
+from blendcap.view.posing import framed_vertices, weights_on
+from blendcap.view.video import write_video
+
+TARGET, FITTED, LINE = (214, 48, 49), (30, 96, 196), (70, 70, 78)
+VIEWS = (0.0, 0.62)  # yaw, rad
+
+
+def write_preview(
+    path: str | Path,
+    rig: Rig,
+    animation: Animation,
+    *,
+    size: tuple[int, int] = (1280, 720),
+    yaws: Sequence[float] = VIEWS,
+    targets: np.ndarray | None = None,
+    fitted: np.ndarray | None = None,
+    title: str = "",
+    progress: Callable[[int, int], None] | None = None,
+) -> int:
+    """Write a video of the animated rig, seen from several sides, and return the number of frames.
+
+    Parameters
+    ----------
+    path : path
+        `.mp4`, `.gif`, or `.png` for a sequence.
+    size : (width, height)
+        Pixels, of all views together.
+    yaws : sequence of float
+        A view each, rad towards the subject's left.
+    targets, fitted : (T, M, 3), optional
+        Markers (red) and their places on the posed rig (blue), mm, in the rig's space.
+    title : str
+    progress : callable (frames done, frames in all), optional
+
+    Raises
+    ------
+    InputError
+        If the animation has a shape that the rig has not, a length is wrong or the file cannot be written.
+    """
+    for what, points in (("targets", targets), ("fitted", fitted)):
+        if points is not None and len(points) != len(animation.weights):
+            raise InputError(f"The {what} have {len(points)} frames, but the animation has {len(animation.weights)}.")
+    frames = _frames(rig, animation, size, yaws, targets, fitted, title, progress)
+    return write_video(path, frames, animation.rate, size)
+
+
+def _frames(rig, animation, size, yaws, targets, fitted, title, progress) -> Iterator[np.ndarray]:
+    weights, colors = weights_on(rig, animation), default_colors(rig)
+    widths = np.diff(np.linspace(0, size[0], len(yaws) + 1).astype(int))
+    framed = framed_vertices(rig)
+    cameras = [face_camera(framed, (int(width), size[1]), yaw) for width, yaw in zip(widths, yaws, strict=True)]
+    for t, row in enumerate(weights):
+        surface = prepare(rig.mesh.with_vertices(rig.pose(row)), colors)
+        views = []
+        for width, camera in zip(widths, cameras, strict=True):
+            view = surface.picture(camera, (int(width), size[1]))
+            _mark(view, camera, targets if targets is None else targets[t], fitted if fitted is None else fitted[t])
+            views.append(view)
+        picture = np.hstack(views)
+        _caption(picture, title, f"{t + 1} / {len(weights)}    {animation.times[t]:.2f} s")
+        yield picture
+        if progress is not None:
+            progress(t + 1, len(weights))
+
+
+def _mark(picture: np.ndarray, camera: Camera, targets: np.ndarray | None, fitted: np.ndarray | None) -> None:
+    """Draw the markers of one frame and their places on the face."""
+    radius = max(picture.shape[0] / 320, 1.2)
+    places = {}
+    for what, points in (("target", targets), ("fitted", fitted)):
+        if points is not None:
+            places[what] = project(points, camera)[0]
+    if len(places) == 2:
+        draw_lines(picture, places["target"], places["fitted"], LINE)
+    if "fitted" in places:
+        draw_dots(picture, places["fitted"], FITTED, radius)
+    if "target" in places:
+        draw_dots(picture, places["target"], TARGET, radius)
+
+
+def _caption(picture: np.ndarray, title: str, counter: str) -> None:
+    height, width = picture.shape[:2]
+    size, border = max(height // 42, 10), height // 36
+    draw_text(picture, title, (border, height - border), height=size, anchor="ls")
+    draw_text(picture, counter, (width - border, height - border), height=size, anchor="rs")
