@@ -76,20 +76,26 @@ def solve(
     check_outputs((*output, preview, report, picture))
     settings = _settings(method, smoothness, beta, helmet=helmet, head=head)
     progress = Progress(quiet=as_json)
-    with progress.step("Read the rig and the take"):
+    with progress.step("read", "Read the rig and the take"):
         the_rig, the_take = read_rig(rig), read_markers(take, unit=unit)
         motion = None if rom is None else read_markers(rom, unit=unit)
         places = None if correspondences is None else read_correspondences(correspondences)
-    with progress.step("Place the markers on the rig"):
-        binding = blendcap.bind(the_rig, the_take, places, motion)
-    with progress.step(f"Solve {len(the_take.positions):,} frames"):
-        solution = blendcap.solve(the_rig, the_take, binding, settings=settings)
+    binding, solution = bind_and_solve(the_rig, the_take, places, motion, settings, progress)
     files = write_answers(the_rig, solution, binding, progress, output, preview=preview, report=report, picture=picture)
     facts = summary(the_take, solution, progress)
     if as_json:
         print_json(facts | {"files": [str(f) for f in files]})
     else:
         print_lines({k: v for k, v in facts.items() if k != "rms_mm_per_marker"} | {"wrote": [str(f) for f in files]})
+
+
+def bind_and_solve(rig: Rig, take: MarkerTake, places, motion: MarkerTake | None, settings, progress: Progress):
+    """The binding and the solution of a take."""
+    with progress.step("bind", "Place the markers on the rig") as tell:
+        binding = blendcap.bind(rig, take, places, motion, progress=tell)
+    with progress.step("solve", f"Solve {len(take.positions):,} frames") as tell:
+        solution = blendcap.solve(rig, take, binding, settings=settings, progress=tell)
+    return binding, solution
 
 
 def write_answers(
@@ -106,26 +112,24 @@ def write_answers(
     """Write what was asked for; returns the files."""
     from blendcap.io import write_animation
 
-    frames = len(solution.rms)
     for path in output:
-        with progress.step(f"Write {path}"):
+        with progress.step("write", f"Write {path}"):
             write_animation(path, solution.animation, rig=rig)
     if preview is not None:
         from blendcap.view import write_preview
 
-        with progress.step(f"Write {preview}", total=frames) as advance:
-            write_preview(
-                preview, rig, solution.animation, targets=solution.targets, fitted=solution.fitted, progress=advance
-            )
+        markers = {"targets": solution.targets, "fitted": solution.fitted}
+        with progress.step("preview", f"Write {preview}", total=len(solution.rms)) as tell:
+            write_preview(preview, rig, solution.animation, **markers, progress=tell)
     if picture is not None:
         from blendcap.view import write_binding_picture
 
-        with progress.step(f"Write {picture}"):
+        with progress.step("picture", f"Write {picture}"):
             write_binding_picture(picture, rig, binding)
     if report is not None:
         from blendcap.view import write_report
 
-        with progress.step(f"Write {report}"):
+        with progress.step("report", f"Write {report}"):
             write_report(report, rig, solution, binding=binding, video=preview)
     return [*output, *(p for p in (preview, picture, report) if p is not None)]
 

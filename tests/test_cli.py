@@ -1,0 +1,371 @@
+"""The command line: what it answers, and the one sentence with which it refuses."""
+
+import json
+import os
+import struct
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import ezc3d
+import numpy as np
+import pytest
+
+import blendcap
+from blendcap import Animation, MarkerTake, Mesh, Rig
+from blendcap.cli import main
+
+RATE, FRAMES = 60.0, 40
+NAMES = ("bumpLeft", "bumpRight", "lift")
+
+
+@pytest.fixture(scope="module")
+def rig() -> Rig:
+    """A hilly sheet of 15 by 15 vertices with three shapes: small, but all that a take needs."""
+    x, y = np.meshgrid(np.linspace(-70, 70, 15), np.linspace(-90, 90, 15))
+    vertices = np.stack([x, y, 60 - x**2 / 100 - y**2 / 200 + x * y / 300], 2).reshape(-1, 3)
+    corner = (np.arange(14)[:, None] * 15 + np.arange(14)).ravel()
+    faces = np.concatenate(
+        [np.stack([corner, corner + 1, corner + 16], 1), np.stack([corner, corner + 16, corner + 15], 1)]
+    )
+    deltas = np.zeros((3, len(vertices), 3), np.float32)
+    for delta, (center, push) in zip(deltas, [(35, (0, 3, 9)), (-35, (0, 3, 9)), (0, (0, 8, 0))], strict=True):
+        delta[:] = np.exp(-((vertices[:, :1] - center) ** 2 + vertices[:, 1:2] ** 2) / 900) * push
+    return Rig(Mesh(vertices, faces), deltas, NAMES, name="sheet")
+
+
+@pytest.fixture(scope="module")
+def truth() -> Animation:
+    time = np.arange(FRAMES) / RATE
+    weights = np.stack([np.sin(np.pi * np.clip(f * (time - 0.2), 0, 1)) ** 2 for f in (2, 3, 4)], 1)
+    return Animation(weights, NAMES, RATE)
+
+
+@pytest.fixture
+def folder(tmp_path, rig, truth, monkeypatch) -> Path:
+    """A folder with a rig, a take, an animation and a correspondence file that fit each other; the working folder."""
+    vertices = np.arange(0, 225, 9)
+    labels = [f"m{v}" for v in vertices]
+    take = MarkerTake(rig.pose(truth.weights)[:, vertices], labels, RATE)
+    blendcap.write_rig(tmp_path / "rig.glb", rig)
+    blendcap.write_markers(tmp_path / "take.c3d", take)
+    blendcap.write_animation(tmp_path / "truth.csv", truth)
+    places = {label: int(v) for label, v in zip(labels, vertices, strict=True)}
+    (tmp_path / "places.json").write_text(json.dumps(places), encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+SOLVE = ("solve", "take.c3d", "--rig", "rig.glb", "--correspondences", "places.json", "-o", "out.csv")
+
+
+def changed(arguments: tuple[str, ...], **changes: str) -> list[str]:
+    """The arguments with some of them replaced: changed(SOLVE, take="x.c3d")."""
+    names = {"take": "take.c3d", "rig": "rig.glb", "places": "places.json", "out": "out.csv"}
+    return [next((changes[n] for n, a in names.items() if a == argument and n in changes), argument)
+            for argument in arguments]  # fmt: skip
+
+
+# Refusals. Each case spoils one thing in the folder and returns the arguments; the sentence is what the user reads.
+
+
+def missing_file(folder, rig, truth):
+    return changed(SOLVE, take="nowhere.c3d"), "nowhere.c3d"
+
+
+def missing_rig(folder, rig, truth):
+    return changed(SOLVE, rig="nowhere.glb"), "nowhere.glb"
+
+
+def truncated_glb(folder, rig, truth):
+    content = (folder / "rig.glb").read_bytes()
+    (folder / "cut.glb").write_bytes(content[: len(content) // 2])
+    return ["info", "cut.glb"], "cut.glb"
+
+
+def obj_with_other_topology(folder, rig, truth):
+    shapes = folder / "shapes"
+    shapes.mkdir()
+    blendcap.write_mesh(shapes / "neutral.obj", rig.mesh)
+    blendcap.write_mesh(shapes / "bump.obj", Mesh(rig.mesh.vertices[:-1], rig.mesh.faces[:100]))
+    return ["rig", "convert", "shapes", "new.glb"], "bump"
+
+
+def c3d_that_is_none(folder, rig, truth):
+    content = bytearray((folder / "take.c3d").read_bytes())
+    content[512:1024] = bytes(512)
+    (folder / "bad.c3d").write_bytes(content)
+    return changed(SOLVE, take="bad.c3d"), "bad.c3d"
+
+
+def empty_take(folder, rig, truth):
+    (folder / "empty.csv").write_text("# rate: 60\n# unit: mm\nframe,time,a_x,a_y,a_z\n", encoding="utf-8")
+    return changed(SOLVE, take="empty.csv"), "empty"
+
+
+def all_missing_marker(folder, rig, truth):
+    take = blendcap.read_markers(folder / "take.c3d")
+    positions = take.positions.copy()
+    positions[:, 4] = np.nan
+    blendcap.write_markers(folder / "gone.c3d", replace(take, positions=positions))
+    return changed(SOLVE, take="gone.c3d"), take.names[4]
+
+
+def nan_frame(folder, rig, truth):
+    weights = truth.weights.copy()
+    weights[7] = np.nan
+    blendcap.write_animation(folder / "gap.csv", replace(truth, weights=weights))
+    return ["evaluate", "gap.csv", "truth.csv", "--rig", "rig.glb"], "7"
+
+
+def unknown_label(folder, rig, truth):
+    (folder / "odd.json").write_text('{"m0": 0, "m9": 9, "m18": 18, "noseTip": 4}', encoding="utf-8")
+    return changed(SOLVE, places="odd.json"), "noseTip"
+
+
+def unknown_place(folder, rig, truth):
+    (folder / "odd.json").write_text('{"m0": 0, "m9": 9, "m18": "landmarks68/30"}', encoding="utf-8")
+    return changed(SOLVE, places="odd.json"), "landmarks68"
+
+
+def vertex_that_is_none(folder, rig, truth):
+    (folder / "odd.json").write_text('{"m0": 0, "m9": 9, "m18": 225}', encoding="utf-8")
+    return changed(SOLVE, places="odd.json"), "225"
+
+
+def correspondences_that_are_no_json(folder, rig, truth):
+    (folder / "odd.json").write_text('{"m0": 0,', encoding="utf-8")
+    return changed(SOLVE, places="odd.json"), "odd.json"
+
+
+def rate_zero(folder, rig, truth):
+    text = (folder / "truth.csv").read_text(encoding="utf-8")
+    (folder / "still.csv").write_text(text.replace("# rate: 60", "# rate: 0"), encoding="utf-8")
+    return ["convert", "still.csv", "new.npz"], "rate"
+
+
+def unknown_shape(folder, rig, truth):
+    blendcap.write_animation(folder / "other.csv", replace(truth, names=("bumpLeft", "bumpRight", "jawOpen")))
+    return ["convert", "other.csv", "new.glb", "--rig", "rig.glb"], "jawOpen"
+
+
+def unknown_shape_to_evaluate(folder, rig, truth):
+    blendcap.write_animation(folder / "other.csv", replace(truth, names=("bumpLeft", "bumpRight", "jawOpen")))
+    return ["evaluate", "other.csv", "truth.csv", "--rig", "rig.glb"], "jawOpen"
+
+
+def no_such_folder(folder, rig, truth):
+    return changed(SOLVE, out="away/out.csv"), "away"
+
+
+def output_is_a_folder(folder, rig, truth):
+    (folder / "out.csv").mkdir()
+    return list(SOLVE), "out.csv"
+
+
+def unknown_ending(folder, rig, truth):
+    return changed(SOLVE, out="out.xyz"), ".xyz"
+
+
+def unknown_ending_of_the_second_output(folder, rig, truth):
+    return [*SOLVE, "-o", "out.xyz"], ".xyz"
+
+
+def rig_of_unknown_ending(folder, rig, truth):
+    (folder / "rig.fbx").write_bytes(b"Kaydara FBX Binary  \x00")
+    return ["info", "rig.fbx"], ".fbx"
+
+
+def glb(folder: Path, gltf: dict) -> None:
+    chunk = json.dumps({"asset": {"version": "2.0"}, **gltf}).encode()
+    chunk += b" " * (-len(chunk) % 4)
+    head = struct.pack("<4sII", b"glTF", 2, 20 + len(chunk)) + struct.pack("<I4s", len(chunk), b"JSON")
+    (folder / "odd.glb").write_bytes(head + chunk)
+
+
+def scene(buffer: dict, count: int, view: dict) -> dict:
+    return {
+        "buffers": [buffer],
+        "bufferViews": [{"buffer": 0, **view}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "count": count, "type": "VEC3"}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+        "nodes": [{"mesh": 0}],
+        "scenes": [{"nodes": [0]}],
+        "scene": 0,
+    }
+
+
+def buffer_outside_its_folder(folder, rig, truth):
+    secret = folder.parent / f"{folder.name}.secret"
+    secret.write_bytes(bytes(36))
+    glb(folder, scene({"byteLength": 36, "uri": f"../{secret.name}"}, 3, {"byteLength": 36}))
+    return ["info", "odd.glb"], "odd.glb"
+
+
+def terabytes(folder, rig, truth):
+    size = 12 * 10**12
+    glb(folder, scene({"byteLength": size}, 10**12, {"byteLength": size}))
+    return ["info", "odd.glb"], "odd.glb"
+
+
+def negative_smoothness(folder, rig, truth):
+    return [*SOLVE, "--smoothness", "-1"], "smoothness"
+
+
+REFUSALS = [missing_file, missing_rig, truncated_glb, obj_with_other_topology, c3d_that_is_none, empty_take,
+            all_missing_marker, nan_frame, unknown_label, unknown_place, vertex_that_is_none,
+            correspondences_that_are_no_json, rate_zero, unknown_shape, unknown_shape_to_evaluate, no_such_folder,
+            output_is_a_folder, unknown_ending, unknown_ending_of_the_second_output, rig_of_unknown_ending,
+            buffer_outside_its_folder, terabytes, negative_smoothness]  # fmt: skip
+
+
+@pytest.mark.parametrize("spoil", REFUSALS)
+def test_bad_input_gets_one_plain_sentence_and_leaves_nothing_behind(spoil, folder, rig, truth, capsys):
+    arguments, word = spoil(folder, rig, truth)
+    before = sorted(folder.rglob("*"))
+    assert main(arguments) == 1
+    error = capsys.readouterr().err
+    assert error.startswith("blendcap: ") and error.endswith(".\n") and error.count("\n") == 1, error
+    assert word in error
+    assert "Traceback" not in error and "should not have happened" not in error
+    assert sorted(folder.rglob("*")) == before
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may write everywhere")
+def test_a_folder_without_write_permission_is_refused_before_the_work(folder, capsys):
+    (folder / "locked").mkdir(mode=0o500)
+    assert main(changed(SOLVE, out="locked/out.csv")) == 1
+    assert "locked" in capsys.readouterr().err
+
+
+# Answers
+
+
+def test_solve_answers_in_json_and_in_every_file_that_was_asked_for(folder, truth, capsys):
+    assert main([*SOLVE, "-o", "out.glb", "-o", "out.npz", "--json"]) == 0
+    said = capsys.readouterr()
+    answer = json.loads(said.out)
+    assert {"frames", "rate", "rms_mm", "rms_mm_per_marker", "max_kkt", "converged", "seconds"} <= set(answer)
+    assert answer["frames"] == FRAMES and answer["rate"] == RATE and answer["converged"] is True
+    assert answer["max_kkt"] < 1e-9 and set(answer["rms_mm_per_marker"]) == {f"m{v}" for v in range(0, 225, 9)}
+    assert answer["files"] == ["out.csv", "out.glb", "out.npz"]
+    files = [blendcap.read_animation(folder / name) for name in answer["files"]]
+    for animation in files:
+        assert animation.rate == pytest.approx(RATE) and animation.names == NAMES
+        np.testing.assert_allclose(animation.weights, files[2].weights, atol=1e-5)
+    assert np.abs(files[2].weights - truth.weights).mean() < 0.02
+
+
+def test_evaluate_of_the_truth_is_without_error(folder, capsys):
+    assert main(["evaluate", "truth.csv", "truth.csv", "--rig", "rig.glb", "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert {"vertex_rmse_mm", "by_region_mm", "weight_mae", "roughness_ratio", "sparsity"} <= set(answer)
+    assert answer["vertex_rmse_mm"] == 0 and answer["weight_mae"] == 0 and answer["roughness_ratio"] == 1
+
+
+def test_info_says_what_a_rig_a_take_and_an_animation_hold(folder, capsys):
+    answers = []
+    for name in ("rig.glb", "take.c3d", "truth.csv"):
+        assert main(["info", name, "--json"]) == 0
+        answers.append(json.loads(capsys.readouterr().out))
+    rig, take, animation = answers
+    assert rig["kind"] == "rig" and rig["vertices"] == 225 and rig["faces"] == 392 and rig["shapes"] == list(NAMES)
+    assert rig["unit"] == "mm"
+    assert take["kind"] == "markers" and take["frames"] == FRAMES and take["rate"] == RATE
+    assert len(take["markers"]) == 25 and take["missing"] == 0
+    assert animation["kind"] == "animation" and animation["frames"] == FRAMES and animation["shapes"] == list(NAMES)
+
+
+def test_info_speaks_to_people_in_lines(folder, capsys):
+    assert main(["info", "rig.glb"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert any(line.split() == ["vertices", "225"] for line in lines)
+    assert any("bumpLeft, bumpRight, lift" in line for line in lines)
+
+
+def test_convert_keeps_the_animation(folder, truth, capsys):
+    assert main(["convert", "truth.csv", "new.glb", "--rig", "rig.glb"]) == 0
+    assert main(["convert", "new.glb", "new.npz"]) == 0
+    back = blendcap.read_animation(folder / "new.npz")
+    assert back.names == truth.names and back.rate == pytest.approx(truth.rate)
+    np.testing.assert_allclose(back.weights, truth.weights, atol=1e-6)
+
+
+def test_rig_convert_keeps_the_rig(folder, rig):
+    assert main(["rig", "convert", "rig.glb", "new.npz"]) == 0
+    back = blendcap.read_rig(folder / "new.npz")
+    assert back.names == rig.names
+    np.testing.assert_allclose(back.deltas, rig.deltas, atol=1e-4)
+
+
+def test_doctor_finds_this_installation_well(capsys):
+    assert main(["doctor"]) == 0
+    said = capsys.readouterr().out
+    assert blendcap.__version__ in said and "All is well." in said and "!!" not in said
+
+
+def test_doctor_says_what_is_wrong_and_fails(capsys, monkeypatch):
+    monkeypatch.setitem(vars(blendcap), "solve_box", lambda *_: 1 / 0)
+    assert main(["doctor"]) == 1
+    said = capsys.readouterr().out
+    assert "!! solver" in said and "ZeroDivisionError" in said and "All is well." not in said
+
+
+# The frame around the commands
+
+
+@pytest.mark.parametrize(
+    "arguments", [["sovle"], ["solve"], ["info"], [*SOLVE, "--smoothness", "much"], ["info", "--x", "y"]]
+)
+def test_wrong_usage_exits_with_two(folder, arguments, capsys):
+    assert main(arguments) == 2
+    assert capsys.readouterr().err
+
+
+def test_the_version_and_the_help(capsys):
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out.strip() == blendcap.__version__
+    assert main(["--help"]) == 0
+    said = capsys.readouterr().out
+    assert all(command in said for command in ("demo", "doctor", "info", "solve", "convert", "evaluate", "rig"))
+
+
+def test_what_nobody_foresaw_is_still_one_sentence(folder, capsys, monkeypatch):
+    def broken(path):
+        raise RuntimeError("first line\nsecond line")
+
+    monkeypatch.setattr("blendcap.io.describe", broken)
+    assert main(["info", "rig.glb"]) == 1
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1 and "RuntimeError: first line second line" in error and "--debug" in error
+    with pytest.raises(RuntimeError):
+        main(["--debug", "info", "rig.glb"])
+
+
+def test_an_interrupt_is_clean(folder, capsys, monkeypatch):
+    def interrupted(path):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("blendcap.io.describe", interrupted)
+    assert main(["info", "rig.glb"]) == 130
+    assert capsys.readouterr().err == "blendcap: stopped; no file was left half-written.\n"
+
+
+def test_as_a_program_with_its_exit_code_and_a_clean_standard_output(folder):
+    def run(*arguments: str) -> subprocess.CompletedProcess:
+        command = [sys.executable, "-m", "blendcap", *arguments]
+        return subprocess.run(
+            command, cwd=folder, capture_output=True, text=True, check=False, stdin=subprocess.DEVNULL
+        )
+
+    good = run("info", "rig.glb", "--json")
+    assert (good.returncode, good.stderr) == (0, "") and json.loads(good.stdout)["kind"] == "rig"
+    bad = run("info", "nowhere.glb")
+    assert bad.returncode == 1 and bad.stdout == "" and bad.stderr.count("\n") == 1
+    assert run("bogus").returncode == 2
+
+
+def test_the_c3d_of_this_test_is_one_that_other_programs_read(folder):
+    other = ezc3d.c3d(str(folder / "take.c3d"))
+    assert other["data"]["points"].shape == (4, 25, FRAMES)
