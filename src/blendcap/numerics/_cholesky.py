@@ -1,0 +1,89 @@
+"""Small dense Cholesky factors, tiled by hand: the innermost work of the exact solvers.
+
+A work matrix is a flat array whose rows lie STRIDE doubles apart. That is a constant of the compiler, so LLVM sees
+that four rows cannot overlap and vectorizes without a run-time test for every pair of rows. It is an odd number of
+cache lines, so the rows spread over the whole cache.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+STRIDE = 328
+# No "nnan" and no "ninf": a NaN must stay visible. The others let LLVM fuse and reorder sums, as vectors need.
+FAST = {"contract", "reassoc", "nsz", "arcp"}
+TINY = 1e-14  # a pivot of a matrix with unit diagonal is raised to this
+
+
+@njit(fastmath=FAST, error_model="numpy", cache=True)
+def factor(a, n, width):
+    """Upper Cholesky factor of the leading n rows of `a` in place, four rows at a time; its diagonal stores 1/u_ii.
+
+    Columns n..width ride along: a right-hand side kept there is forward-substituted on the way. n is a multiple of
+    4, width of 8, and a row starts at its 8-aligned column, so no scalar remainder loops run. What lands left of the
+    diagonal is never read. Pivots below TINY (a singular matrix) are raised to it.
+    """
+    S = STRIDE
+    for i in range(0, n, 4):
+        s = i & -8
+        o, m = i - s, width - s
+        r = a[i * S + s : (i + 3) * S + width]
+        for p in range(0, i, 4):  # subtract four finished rows from these four
+            b = a[p * S + s : (p + 3) * S + width]
+            c00, c01, c02, c03 = b[o], b[S + o], b[2 * S + o], b[3 * S + o]
+            c10, c11, c12, c13 = b[o + 1], b[S + o + 1], b[2 * S + o + 1], b[3 * S + o + 1]
+            c20, c21, c22, c23 = b[o + 2], b[S + o + 2], b[2 * S + o + 2], b[3 * S + o + 2]
+            c30, c31, c32, c33 = b[o + 3], b[S + o + 3], b[2 * S + o + 3], b[3 * S + o + 3]
+            for j in range(m):
+                b0, b1, b2, b3 = b[j], b[S + j], b[2 * S + j], b[3 * S + j]
+                r[j] -= c00 * b0 + c01 * b1 + c02 * b2 + c03 * b3
+                r[S + j] -= c10 * b0 + c11 * b1 + c12 * b2 + c13 * b3
+                r[2 * S + j] -= c20 * b0 + c21 * b1 + c22 * b2 + c23 * b3
+                r[3 * S + j] -= c30 * b0 + c31 * b1 + c32 * b2 + c33 * b3
+        d0 = 1 / np.sqrt(max(r[o], TINY))  # the 4 x 4 corner, then the rows to its right
+        u01, u02, u03 = r[o + 1] * d0, r[o + 2] * d0, r[o + 3] * d0
+        d1 = 1 / np.sqrt(max(r[S + o + 1] - u01 * u01, TINY))
+        u12, u13 = (r[S + o + 2] - u01 * u02) * d1, (r[S + o + 3] - u01 * u03) * d1
+        d2 = 1 / np.sqrt(max(r[2 * S + o + 2] - u02 * u02 - u12 * u12, TINY))
+        u23 = (r[2 * S + o + 3] - u02 * u03 - u12 * u13) * d2
+        d3 = 1 / np.sqrt(max(r[3 * S + o + 3] - u03 * u03 - u13 * u13 - u23 * u23, TINY))
+        for j in range(m):
+            e0 = r[j] * d0
+            e1 = (r[S + j] - u01 * e0) * d1
+            e2 = (r[2 * S + j] - u02 * e0 - u12 * e1) * d2
+            r[j] = e0
+            r[S + j] = e1
+            r[2 * S + j] = e2
+            r[3 * S + j] = (r[3 * S + j] - u03 * e0 - u13 * e1 - u23 * e2) * d3
+        r[o], r[S + o + 1], r[2 * S + o + 2], r[3 * S + o + 3] = d0, d1, d2, d3
+
+
+@njit(fastmath=FAST, error_model="numpy", cache=True)
+def back_substitute(a, n, y):
+    """Solve `U y = column n of a` for the factor that `factor` left; four rows share each pass over y."""
+    S = STRIDE
+    for i in range(n - 4, -1, -4):
+        r, v = a[i * S + i : (i + 3) * S + n], y[i + 4 : n]
+        m = n - i
+        s0, s1, s2, s3 = r[m], r[S + m], r[2 * S + m], a[(i + 3) * S + n]
+        for j in range(v.size):
+            s0 -= r[4 + j] * v[j]
+            s1 -= r[S + 4 + j] * v[j]
+            s2 -= r[2 * S + 4 + j] * v[j]
+            s3 -= r[3 * S + 4 + j] * v[j]
+        y3 = s3 * r[3 * S + 3]
+        y2 = (s2 - r[2 * S + 3] * y3) * r[2 * S + 2]
+        y1 = (s1 - r[S + 3] * y3 - r[S + 2] * y2) * r[S + 1]
+        y[i] = (s0 - r[3] * y3 - r[2] * y2 - r[1] * y1) * r[0]
+        y[i + 1], y[i + 2], y[i + 3] = y1, y2, y3
+
+
+@njit(fastmath=FAST, error_model="numpy", cache=True)
+def add_rows(g, gram, rows, y):
+    """`g += sum_i y_i gram[rows_i]`, four rows at a time: the number of rows is a multiple of four."""
+    for i in range(0, rows.size, 4):
+        r0, r1, r2, r3 = gram[rows[i]], gram[rows[i + 1]], gram[rows[i + 2]], gram[rows[i + 3]]
+        y0, y1, y2, y3 = y[i], y[i + 1], y[i + 2], y[i + 3]
+        for j in range(g.size):
+            g[j] += y0 * r0[j] + y1 * r1[j] + y2 * r2[j] + y3 * r3[j]

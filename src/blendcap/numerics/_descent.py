@@ -1,0 +1,77 @@
+"""The safety net: a method for one frame that cannot cycle, because every step of it lowers the objective."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from blendcap.numerics._cholesky import FAST, back_substitute, factor
+from blendcap.numerics._pivoting import FREE, LOWER, UPPER, gather
+
+
+@njit(fastmath=FAST, error_model="numpy", cache=True)
+def descend(gram, diagonal, linear, lower, upper, state, x, g, work, most):
+    """Coordinate descent and Newton steps on the free unknowns, cut where the first bound is met.
+
+    Returns the rounds it took, or -1 if `most` were not enough; x is feasible and no worse than at the start.
+    """
+    a, y, free, _ = work
+    m = state.size
+    tolerance = 1e-13 * max(1.0, np.abs(linear).max())
+    for i in range(m):
+        x[i] = min(upper[i], max(lower[i], x[i]))
+    for rounds in range(1, most + 1):
+        evaluate(gram, diagonal, linear, x, g)
+        move = sweep(gram, diagonal, lower, upper, x, g)
+        if move <= tolerance:
+            return rounds
+        k = 0
+        for i in range(m):
+            low, high = x[i] <= lower[i] and g[i] >= 0, x[i] >= upper[i] and g[i] <= 0
+            state[i] = LOWER if low else (UPPER if high else FREE)
+            free[k] = i
+            k += state[i] == FREE
+        n = (k + 3) & -4
+        free[k:n] = m
+        gather(gram, diagonal, g, free, k, n, (n + 8) & -8, a)
+        factor(a, n, (n + 8) & -8)
+        back_substitute(a, n, y)
+        reach = 1.0
+        for i in range(k):
+            j = free[i]
+            if y[i] > 0:
+                reach = min(reach, (upper[j] - x[j]) / y[i])
+            elif y[i] < 0:
+                reach = min(reach, (lower[j] - x[j]) / y[i])
+        for i in range(k):
+            j = free[i]
+            x[j] = min(upper[j], max(lower[j], x[j] + reach * y[i]))
+    return -1
+
+
+@njit(fastmath=FAST, error_model="numpy", cache=True)
+def evaluate(gram, diagonal, linear, x, g):
+    """g = half the gradient at x."""
+    g[:] = 0.0
+    for i in range(x.size):
+        if x[i] != 0:
+            for j in range(g.size):
+                g[j] += x[i] * gram[i, j]
+    for i in range(x.size):
+        g[i] += linear[i] + diagonal[i] * x[i]
+
+
+@njit(fastmath=FAST, error_model="numpy", cache=True)
+def sweep(gram, diagonal, lower, upper, x, g):
+    """Minimise over one unknown after the other; returns the largest move."""
+    largest = 0.0
+    for i in range(x.size):
+        new = min(upper[i], max(lower[i], x[i] - g[i] / (gram[i, i] + diagonal[i])))
+        move = new - x[i]
+        if move != 0:
+            x[i] = new
+            largest = max(largest, abs(move))
+            for j in range(g.size):
+                g[j] += move * gram[i, j]
+            g[i] += move * diagonal[i]
+    return largest
