@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 CODE := src tests benchmarks examples
 
-.PHONY: help setup demo test slow lint types check bench clean
+.PHONY: help setup demo test slow examples lint types check bench clean
 
 help:  ## say what there is to make
 	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | sort | expand -t 10
@@ -29,7 +29,10 @@ test: $(STAMP)  ## the quick tests
 	@$(BIN)/python -m pytest
 
 slow: $(STAMP)  ## the slow tests
-	@$(BIN)/python -m pytest -m slow
+	@$(BIN)/python -m pytest -m slow --ignore tests/test_examples.py
+
+examples: $(STAMP)  ## run every example
+	@$(BIN)/python -m pytest -m slow tests/test_examples.py
 
 lint: $(STAMP)  ## style, format and the floors of the house
 	@$(BIN)/ruff check $(CODE)

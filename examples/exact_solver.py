@@ -19,9 +19,8 @@ weights, certificate = solve_box(gram, linear)
 seconds = time.perf_counter() - start
 
 print(f"1000 frames in {seconds * 1e3:.1f} ms; largest optimality residual {certificate.max_kkt:.1e}")
-print(
-    f"weights at a bound: {np.mean((weights == 0) | (weights == 1)):.0%}; mean error {np.abs(weights - true).mean():.4f}"
-)
+at_bound = np.mean((weights == 0) | (weights == 1))
+print(f"weights at a bound: {at_bound:.0%}; mean error {np.abs(weights - true).mean():.4f}")
 
 peer = np.stack([lsq_linear(basis, row, (0, 1), tol=1e-12).x for row in observed[:20]])
 difference = np.abs(weights[:20] - peer).max()
