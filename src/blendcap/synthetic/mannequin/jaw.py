@@ -1,0 +1,77 @@
+"""The shapes of the lower jaw, and the lips that stay together while it opens."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from blendcap.synthetic.mannequin.face import Face, push
+
+HINGE = np.array([0.0, -8.0, 6.0])  # the axis of the jaw joint, mm
+ANGLE = np.radians(19.0)
+SLIDE = 1.5  # the condyle slides forward as the jaw opens, mm
+SIDEWAYS, FORWARD, SINK = 7.0, 6.0, 0.8  # mm
+
+_SKIN = {
+    "R10": 0.72, "R9": 0.62, "R8": 0.42, "S10": 1.0, "S9": 0.97, "S8": 0.55, "M67": 1.0, "M68": 1.0, "M77": 1.0,
+    "M78": 1.0, "M87": 0.72, "M88": 0.72, "Q10": 0.16, "Q9": 0.2, "Q8": 0.17, "Q7": 0.04, "neck1.0": 0.28,
+    "neck1.1": 0.28, "neck1.2": 0.12, "mi": 0.5, "mc": 0.5,
+}  # fmt: skip
+_MOUTH = (0, 0, 0.015, 0.10, 0.42, 0.78, 0.97, 1, 1)
+_RINGS = {
+    "fold": (0, 0, 0, 0.03, 0.34, 0.86, 1, 1, 1),
+    "around": (0, 0, 0.015, 0.06, 0.40, 0.82, 0.97, 1, 1),
+    "bag": (0, 0, 0, 0.05, 0.5, 0.97, 1, 1, 1),
+    "inner": (0, 0, 0.015, 0.08, 0.45, 0.9, 1, 1, 1),
+}
+_WITH_LIPS = {"bag": 0.5, "inner": 1.0, "seam": 1.0, "crest": 1.0, "border": 0.95, "around": 0.7, "fold": 0.32}
+_CHIN_WITH_LIPS = {"R10": 0.14, "S10": 0.16, "M67": 0.2, "M68": 0.2}
+
+
+def jaw_weights(face: Face) -> np.ndarray:
+    """How much each point (H,) goes with the jaw bone."""
+    weights = face.weights(_SKIN)
+    for i in np.flatnonzero(face.mouth):
+        weights[i] = _RINGS.get(str(face.ring[i]), _MOUTH)[face.place[i]]
+    return weights
+
+
+def opened(points: np.ndarray, share: np.ndarray | float) -> np.ndarray:
+    """Displacement (P, 3) of points that go with the opening jaw by a share (P,) of its angle: along the arc."""
+    angle = ANGLE * np.asarray(share)
+    y, z = points[:, 1] - HINGE[1], points[:, 2] - HINGE[2]
+    moved = np.zeros_like(points)
+    moved[:, 1] = (np.cos(angle) - 1) * y - np.sin(angle) * z
+    moved[:, 2] = np.sin(angle) * y + (np.cos(angle) - 1) * z + SLIDE * np.asarray(share)
+    return moved
+
+
+def jaw_open(face: Face) -> np.ndarray:
+    """The jaw falls; the corners of the mouth are drawn in."""
+    moved = opened(face.points, jaw_weights(face))
+    drawn = face.near("seam.4", (11, 12, 16)) * np.select([face.ring == "bag", face.ring == "inner"], [0.0, 0.35], 1.0)
+    return moved + push(drawn * (face.points[:, 0] > 1e-9), (-3.6, 0, -1.2))
+
+
+def jaw_forward(face: Face) -> np.ndarray:
+    """The jaw comes forward."""
+    return push(jaw_weights(face), (0, -SINK, FORWARD))
+
+
+def jaw_aside(face: Face) -> np.ndarray:
+    """The jaw goes to the subject's left; of the whole cage (N, 3), as it has no mirror symmetry."""
+    return push(face.cage.mirrored(jaw_weights(face), vectors=False), (SIDEWAYS, 0, 0))
+
+
+def mouth_close(face: Face) -> np.ndarray:
+    """With the jaw open, the lips meet again: both seams go to one curve, nearer to the upper lip."""
+    opening = face.points + jaw_open(face)
+    moved = np.zeros_like(opening)
+    upper_seam, lower_seam = face.pairs("seam", range(4))
+    meeting = 0.66 * opening[upper_seam] + 0.34 * opening[lower_seam]
+    meeting[:, 2] = np.maximum(opening[upper_seam, 2], opening[lower_seam, 2]) - 2.0
+    for name, share in _WITH_LIPS.items():
+        above, below = face.pairs(name, range(4))
+        moved[above] = share * (meeting - opening[upper_seam])
+        moved[below] = share * (meeting - opening[lower_seam])
+    chin = face.weights(_CHIN_WITH_LIPS)
+    return moved + push(chin, moved[face.cage.index(["seam.6"])[0]])
