@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from blendcap.data import InputError
 
@@ -88,7 +89,7 @@ def align_robust(
     return fit
 
 
-def apply(points: np.ndarray, rotation: np.ndarray, translation: np.ndarray, scale=1.0) -> np.ndarray:
+def apply(points: np.ndarray, rotation: np.ndarray, translation: np.ndarray, scale: ArrayLike = 1.0) -> np.ndarray:
     """Points (..., M, 3) moved by similarities (..., 3, 3), (..., 3), (...): `scale * rotation @ p + translation`."""
     moved = np.asarray(points) @ np.swapaxes(rotation, -1, -2)
     return np.asarray(scale)[..., None, None] * moved + np.asarray(translation)[..., None, :]
