@@ -150,21 +150,25 @@ def _ict() -> dict:
 
 
 def _regions(parts: dict, landmarks: np.ndarray) -> dict[str, np.ndarray]:
-    """Brows, lids, nose and lips within 12 mm of their landmarks; the rest is forehead, cheeks, jaw and neck by height."""
+    """Brows, lids, nose and lips near their landmarks; the rest is ears, forehead, cheeks, jaw and neck by place."""
     vertices = parts["neutral"].astype(np.float64)
     marks = vertices[landmarks]
-    groups = {"brows": marks[17:27], "nose": marks[27:36], "lids": marks[36:48], "lips": marks[48:68]}
-    distance = {name: np.linalg.norm(vertices[:, None] - places, axis=2).min(1) for name, places in groups.items()}
-    near = np.stack(list(distance.values()))
-    owner = np.where(near.min(0) < 12.0, near.argmin(0), -1)
-    rest = owner < 0
+    places = {"brows": marks[17:27], "nose": marks[27:36], "lids": marks[36:48], "lips": marks[48:68]}
+    reach = {"brows": 12, "nose": 18, "lids": 12, "lips": 12}  # mm; the nose is deep inside
+    near = np.stack([np.linalg.norm(vertices[:, None] - at, axis=2).min(1) / reach[n] for n, at in places.items()])
+    owner = np.where(near.min(0) < 1, near.argmin(0), -1)
+    regions = {name: np.flatnonzero(owner == i) for i, name in enumerate(places)}
     above, below = marks[17:27, 1].min(), marks[[48, 54], 1].mean()
     jawline = marks[np.linalg.norm(vertices[:, None, ::2] - marks[None, :17, ::2], axis=2).argmin(1), 1]
-    neck = rest & (vertices[:, 1] < np.minimum(jawline, below) - 8.0)
-    rest &= ~neck
-    regions = {name: np.flatnonzero(owner == i) for i, name in enumerate(groups)}
-    regions["forehead"] = np.flatnonzero(rest & (vertices[:, 1] > above))
-    regions["neck"] = np.flatnonzero(neck)
-    regions["jaw"] = np.flatnonzero(rest & (vertices[:, 1] < below))
-    regions["cheeks"] = np.flatnonzero(rest & (vertices[:, 1] <= above) & (vertices[:, 1] >= below))
+    rest = {
+        "neck": vertices[:, 1] < np.minimum(jawline, below) - 8,
+        "jaw": vertices[:, 1] < below,
+        "forehead": vertices[:, 1] > above,
+        "ears": vertices[:, 2] < marks[[0, 16], 2].mean(),
+        "cheeks": np.ones(len(vertices), dtype=bool),
+    }
+    free = owner < 0
+    for name, inside in rest.items():
+        regions[name] = np.flatnonzero(free & inside)
+        free &= ~inside
     return regions

@@ -27,6 +27,7 @@ CLOSURES: tuple[tuple[str, Mapping[str, float]], ...] = (
 )
 NEEDS = {"mouthClose": ("jawOpen",), "tongueOut": ("jawOpen",)}  # make sense only together with these
 SYLLABLE = 0.21  # seconds
+SHARPNESS = 4  # of the smooth maximum of cues that meet: a maximum itself would leave corners
 RAMP, HOLD = 0.22, 0.10  # seconds: how the range of motion rises and rests
 
 
@@ -125,7 +126,7 @@ def _needs(rig: Rig, name: str) -> tuple[str, ...]:
 
 
 def _play(cues, names: Sequence[str], rate: float, seconds: float) -> Animation:
-    """Cues (name, start, end, level[, attack, release]) as curves: minimum-jerk rises and falls; the largest wins."""
+    """Cues (name, start, end, level[, attack, release]) as minimum-jerk rises and falls; the largest leads."""
     count = max(1, round(seconds * rate))
     weights = np.zeros((count, len(names)))
     place = {name: i for i, name in enumerate(names)}
@@ -134,9 +135,8 @@ def _play(cues, names: Sequence[str], rate: float, seconds: float) -> Animation:
         first, last = max(0, int(start * rate)), min(count, int(np.ceil(end * rate)) + 1)
         time = np.arange(first, last) / rate
         curve = level * _ease((time - start) / attack) * _ease((end - time) / release)
-        column = weights[first:last, place[name]]
-        np.maximum(column, curve, out=column)
-    return Animation(weights, tuple(names), rate)
+        weights[first:last, place[name]] += curve**SHARPNESS
+    return Animation(np.minimum(weights ** (1 / SHARPNESS), 1.0), tuple(names), rate)
 
 
 def _ease(x: np.ndarray) -> np.ndarray:

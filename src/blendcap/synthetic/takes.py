@@ -13,10 +13,13 @@ from scipy.spatial.transform import Rotation
 
 from blendcap.data import Animation, InputError, MarkerTake, Mesh, Rig, SurfacePoints
 from blendcap.numerics.geodesic import face_neighbors, surface_graph, walk
+from blendcap.rendering import vertex_normals
+from blendcap.rendering.light import openness
 from blendcap.synthetic.performer import Performer
 
 SKIN = ("forehead", "brows", "glabella", "lids", "nose", "cheeks", "lips", "jaw")
 OCCLUSION_SPAN = 40  # mean, frames
+OPEN = 0.5  # skin sees at least this much of the sky above it
 EASE = 0.25  # seconds from neutral into the first pose
 
 
@@ -56,8 +59,8 @@ class Truth:
 def choose_points(rig: Rig, count: int, *, seed: int = 0) -> SurfacePoints:
     """Spread markers m00, m01, ... over the moving skin: each next one is farthest, along the surface, from all before.
 
-    Skin is what the regions of the face say (eyes, mouth and neck left out) if the rig has them, and always the
-    largest connected piece: eyeballs and teeth move too, but nobody glues markers on them.
+    Skin is what lies open to the sky (not nostrils and the inside of the mouth), belongs to the largest connected
+    piece (eyeballs move too, but nobody glues markers on them) and to the regions of the face if the rig has them.
     """
     candidates = _skin(rig)
     if not 0 < count <= len(candidates):
@@ -147,14 +150,16 @@ def make_take(
 
 
 def _skin(rig: Rig) -> np.ndarray:
-    moving = rig.moving_vertices()
-    faces = rig.mesh.faces
+    """Vertices (K,) where one would glue a marker."""
+    vertices, faces = rig.mesh.vertices, rig.mesh.faces
+    skin = rig.moving_vertices()
+    skin = skin[openness(vertices, vertex_normals(vertices, faces), faces)[skin] > OPEN]
+    regions = [rig.regions[name] for name in SKIN if name in rig.regions]
+    if regions:
+        skin = np.intersect1d(skin, np.concatenate(regions))
     links = (np.ones(faces.size), (faces.ravel(), np.roll(faces, 1, axis=1).ravel()))
-    piece = connected_components(coo_matrix(links, shape=(len(rig.mesh.vertices),) * 2), directed=False)[1]
-    skin = [rig.regions[name] for name in SKIN if name in rig.regions]
-    if skin:
-        moving = np.intersect1d(moving, np.concatenate(skin))
-    return moving[piece[moving] == np.bincount(piece[moving]).argmax()] if len(moving) else moving
+    piece = connected_components(coo_matrix(links, shape=(len(vertices),) * 2), directed=False)[1]
+    return skin[piece[skin] == np.bincount(piece[skin]).argmax()] if len(skin) else skin
 
 
 def _with_neutral(animation: Animation, frames: int) -> Animation:
