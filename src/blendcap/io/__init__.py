@@ -1,1 +1,33 @@
-"""Files: one module per format; imports data only."""
+"""Files: one module per format; imports data only. The format of a file is its ending."""
+
+from blendcap.io.atomic import write_whole
+from blendcap.io.correspondences import read_correspondences
+from blendcap.io.describe import describe, read_any
+from blendcap.io.formats import (
+    read_animation,
+    read_markers,
+    read_mesh,
+    read_rig,
+    write_animation,
+    write_markers,
+    write_mesh,
+    write_rig,
+)
+from blendcap.io.points_json import read_points, write_points
+
+__all__ = [
+    "describe",
+    "read_animation",
+    "read_any",
+    "read_correspondences",
+    "read_markers",
+    "read_mesh",
+    "read_points",
+    "read_rig",
+    "write_animation",
+    "write_markers",
+    "write_mesh",
+    "write_points",
+    "write_rig",
+    "write_whole",
+]

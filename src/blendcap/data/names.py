@@ -1,0 +1,76 @@
+"""Names of shapes: vocabularies, left and right, and which names mean the same."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+import numpy as np
+
+# The order of the columns in a Live Link Face recording.
+ARKIT52: tuple[str, ...] = (
+    "eyeBlinkLeft", "eyeLookDownLeft", "eyeLookInLeft", "eyeLookOutLeft", "eyeLookUpLeft", "eyeSquintLeft",
+    "eyeWideLeft", "eyeBlinkRight", "eyeLookDownRight", "eyeLookInRight", "eyeLookOutRight", "eyeLookUpRight",
+    "eyeSquintRight", "eyeWideRight", "jawForward", "jawRight", "jawLeft", "jawOpen", "mouthClose", "mouthFunnel",
+    "mouthPucker", "mouthRight", "mouthLeft", "mouthSmileLeft", "mouthSmileRight", "mouthFrownLeft",
+    "mouthFrownRight", "mouthDimpleLeft", "mouthDimpleRight", "mouthStretchLeft", "mouthStretchRight",
+    "mouthRollLower", "mouthRollUpper", "mouthShrugLower", "mouthShrugUpper", "mouthPressLeft", "mouthPressRight",
+    "mouthLowerDownLeft", "mouthLowerDownRight", "mouthUpperUpLeft", "mouthUpperUpRight", "browDownLeft",
+    "browDownRight", "browInnerUp", "browOuterUpLeft", "browOuterUpRight", "cheekPuff", "cheekSquintLeft",
+    "cheekSquintRight", "noseSneerLeft", "noseSneerRight", "tongueOut",
+)  # fmt: skip
+
+# Angles of head and eyes that Live Link Face records beside the shapes, in a unit of its own.
+HEAD_AND_EYES: tuple[str, ...] = (
+    "headYaw", "headPitch", "headRoll", "leftEyeYaw", "leftEyePitch", "leftEyeRoll", "rightEyeYaw", "rightEyePitch",
+    "rightEyeRoll",
+)  # fmt: skip
+
+_SUFFIX = re.compile(r"[_.](l|r|left|right)$", re.IGNORECASE)
+_WORD = re.compile(r"(?<![A-Za-z])(left|right)(?![a-z])|(Left|Right)(?![a-z])|(?<=[_.])([lLrR])$")
+_OTHER = {"left": "right", "right": "left", "Left": "Right", "Right": "Left", "l": "r", "r": "l", "L": "R", "R": "L"}
+
+
+def canonical(name: str) -> str:
+    """The camelCase spelling of a shape's name: `eyeBlink_L`, `EyeBlinkLeft` and `head:eyeBlinkLeft` are `eyeBlinkLeft`.
+
+    Namespaces (`head:`, `blendShape2.`) are dropped, the suffixes `_L`, `.R`, `_left` become words, and the first
+    letter becomes small.
+    """
+    side = _SUFFIX.search(name)
+    stem = name[: side.start()] if side else name
+    stem = re.split(r"[:|.]", stem)[-1]
+    words = [w for w in re.split(r"[_\s-]+", stem) if w]
+    joined = "".join(w[:1].upper() + w[1:] for w in words)
+    if side:
+        joined += "Left" if side.group(1).lower().startswith("l") else "Right"
+    return joined[:1].lower() + joined[1:]
+
+
+def mirror_name(name: str) -> str:
+    """The name of the same shape on the other side; the name itself if it has no side."""
+    return _WORD.sub(lambda found: _OTHER[found.group()], name)
+
+
+def mirror_map(names: Sequence[str]) -> np.ndarray:
+    """For each name the place (N,) of its mirror name; its own place where that name is absent."""
+    place = {name: i for i, name in enumerate(names)}
+    return np.array([place.get(mirror_name(name), i) for i, name in enumerate(names)], dtype=np.int64)
+
+
+def match(names: Sequence[str], others: Sequence[str]) -> dict[str, tuple[str, ...]]:
+    """For each name the names among `others` that mean the same.
+
+    A name without a side also meets its two halves: `browInnerUp` is `browInnerUp_L` and `browInnerUp_R`.
+    Names that meet nothing are left out.
+    """
+    place: dict[str, str] = {}
+    for other in others:
+        place.setdefault(canonical(other), other)
+    found = {}
+    for name in names:
+        key = canonical(name)
+        halves = (key,) if key in place else (key + "Left", key + "Right")
+        if all(half in place for half in halves):
+            found[name] = tuple(place[half] for half in halves)
+    return found

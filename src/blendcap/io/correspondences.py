@@ -1,0 +1,52 @@
+"""Correspondences: which place of a rig each marker belongs to, as JSON."""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+from blendcap.data import InputError
+from blendcap.io.opening import read_json
+
+Place = int | str | dict[str, Any]
+
+
+def read_correspondences(path: str | os.PathLike) -> dict[str, Place]:
+    """Marker label -> place, checked for form only; what a place means depends on the rig.
+
+    A place is a vertex number (`4321`), a named point (`"landmarks68/30"`), or a point of a triangle
+    (`{"face": 17, "barycentric": [0.2, 0.3, 0.5]}`).
+    """
+    entries = read_json(path)
+    if not isinstance(entries, dict) or not entries:
+        raise InputError(
+            f'Cannot read {path}: it must be a JSON object {{"marker": place, ...}} with a place a marker.'
+        )
+    for label, place in entries.items():
+        if not _is_place(place):
+            raise InputError(
+                f"Cannot read {path}: the place of {label!r} is {str(place)[:60]!r}; use a vertex number, a point name "
+                'such as "landmarks68/30", or {"face": 17, "barycentric": [0.2, 0.3, 0.5]}.'
+            )
+    return entries
+
+
+def _is_place(place: Any) -> bool:
+    if isinstance(place, dict):
+        weights = place.get("barycentric")
+        return (
+            set(place) == {"face", "barycentric"}
+            and _is_index(place["face"])
+            and isinstance(weights, list)
+            and len(weights) == 3
+            and all(isinstance(w, int | float) and not isinstance(w, bool) for w in weights)
+            and abs(sum(weights) - 1) < 1e-3
+        )
+    if isinstance(place, str):
+        group, _, name = place.rpartition("/")
+        return bool(name) and bool(group)
+    return _is_index(place)
+
+
+def _is_index(value: Any) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and value >= 0

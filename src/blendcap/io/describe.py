@@ -1,0 +1,79 @@
+"""What a file holds, in a few facts."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+from blendcap.data import Animation, InputError, MarkerTake, Mesh, Rig
+from blendcap.io import formats
+from blendcap.io.animation_csv import animation_of_table
+from blendcap.io.gltf import open_document
+from blendcap.io.livelink import animation_of_live_link, is_live_link
+from blendcap.io.marker_csv import is_marker_table, take_of_table
+from blendcap.io.npz import npz_names
+from blendcap.io.opening import existing_file, reading
+from blendcap.io.tables import read_table
+
+Record = Rig | Mesh | MarkerTake | Animation
+
+
+def read_any(path: str | os.PathLike) -> Record:
+    """The record that a file holds, whatever it is: a rig, a mesh, markers or an animation."""
+    path = Path(path)
+    if path.is_dir():
+        return formats.read_rig(path)
+    kind = existing_file(path).suffix.lower()
+    if kind in (".c3d", ".trc"):
+        return formats.read_markers(path)
+    if kind in (".glb", ".gltf"):
+        return formats.read_rig(path) if _has_targets(path) else formats.read_mesh(path)
+    if kind in (".obj", ".ply", ".stl"):
+        return formats.read_mesh(path)
+    if kind == ".npz":
+        return formats.read_animation(path) if "weights" in npz_names(path) else formats.read_rig(path)
+    if kind == ".csv":
+        return _table_record(path)
+    raise InputError(
+        f"{path} has an ending that is not known: rigs are .glb, .gltf, .npz or a folder of .obj; "
+        "meshes .obj, .ply, .stl, .glb; markers .c3d, .trc, .csv; animations .csv, .npz, .glb."
+    )
+
+
+def describe(path: str | os.PathLike) -> dict[str, Any]:
+    """What a file holds, ready for JSON: `kind` is rig, mesh, markers or animation."""
+    record = read_any(path)
+    if isinstance(record, Rig):
+        return {"kind": "rig", "name": record.name, "shapes": list(record.names), "points": {k: len(v.names) for k, v in
+                record.points.items()}, "regions": sorted(record.regions), "contacts": sorted(record.contacts),
+                **_surface(record.mesh)}  # fmt: skip
+    if isinstance(record, Mesh):
+        return {"kind": "mesh", **_surface(record)}
+    if isinstance(record, MarkerTake):
+        return {"kind": "markers", "frames": len(record.positions), "rate": record.rate,
+                "seconds": len(record.positions) / record.rate, "markers": list(record.names),
+                "missing": float(record.missing.mean()), "timecode": record.timecode, "unit": "mm"}  # fmt: skip
+    return {"kind": "animation", "frames": len(record.weights), "rate": record.rate,
+            "seconds": float(record.times[-1] - record.times[0]), "shapes": list(record.names),
+            "head": record.head is not None, "meta": dict(record.meta)}  # fmt: skip
+
+
+def _surface(mesh: Mesh) -> dict[str, Any]:
+    size = mesh.vertices.max(0) - mesh.vertices.min(0) if len(mesh.vertices) else [0, 0, 0]
+    return {"vertices": len(mesh.vertices), "faces": len(mesh.faces), "uv": mesh.uv is not None,
+            "texture": mesh.texture is not None, "size": [round(float(s), 3) for s in size], "unit": "mm"}  # fmt: skip
+
+
+def _has_targets(path: Path) -> bool:
+    with reading(path, "glTF file"):
+        meshes = open_document(path).json.get("meshes", [])
+        return any(primitive.get("targets") for mesh in meshes for primitive in mesh["primitives"])
+
+
+def _table_record(path: Path) -> MarkerTake | Animation:
+    with reading(path, "CSV file"):
+        table = read_table(path)
+        if is_live_link(table):
+            return animation_of_live_link(table)
+        return take_of_table(table) if is_marker_table(table) else animation_of_table(table)

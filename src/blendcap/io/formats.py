@@ -1,0 +1,136 @@
+"""Which reader and writer a path gets: by its ending, and by what stands inside where an ending has several uses."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from blendcap.data import Animation, InputError, MarkerTake, Mesh, Rig
+from blendcap.io.animation_csv import animation_of_table, write_animation_csv
+from blendcap.io.animation_npz import read_animation_npz, write_animation_npz
+from blendcap.io.c3d import read_c3d, write_c3d
+from blendcap.io.gltf_rig import read_glb_animation, read_glb_mesh, read_glb_rig
+from blendcap.io.gltf_write import write_glb_mesh, write_glb_rig
+from blendcap.io.ict import NEUTRAL, read_ict_folder, read_ict_pack
+from blendcap.io.livelink import animation_of_live_link, is_live_link, write_live_link
+from blendcap.io.marker_csv import read_marker_csv, write_marker_csv
+from blendcap.io.meshes import read_scan, write_scan
+from blendcap.io.npz import npz_names
+from blendcap.io.obj import read_obj, write_obj
+from blendcap.io.obj_folder import read_obj_folder
+from blendcap.io.opening import existing_file, reading
+from blendcap.io.rig_npz import read_rig_npz, write_rig_npz
+from blendcap.io.tables import read_table
+from blendcap.io.trc import read_trc, write_trc
+from blendcap.io.units import millimetres, warn_if_not_a_head
+
+LIVE_LINK = ".livelink.csv"
+
+
+def read_mesh(path: str | os.PathLike, unit: str | None = None) -> Mesh:
+    """Read a surface: .obj, .ply, .stl, .glb, .gltf.
+
+    Parameters
+    ----------
+    path : path
+    unit : str, optional
+        Unit of length of a file that states none (OBJ, PLY, STL): mm if not given. glTF is metres by definition.
+    """
+    kind = _ending(path, "read a mesh", (".obj", ".ply", ".stl", ".glb", ".gltf"))
+    if kind in (".glb", ".gltf"):
+        return read_glb_mesh(path)
+    scale = millimetres(unit or "mm", str(path))
+    mesh = read_obj(path, scale) if kind == ".obj" else read_scan(path, scale)
+    warn_if_not_a_head(mesh.vertices, str(path))
+    return mesh
+
+
+def read_rig(path: str | os.PathLike, unit: str | None = None) -> Rig:
+    """Read a rig: .glb or .gltf with morph targets, .npz (ours or an ICT-FaceKit pack), a folder of OBJ files.
+
+    Parameters
+    ----------
+    path : path
+    unit : str, optional
+        Unit of length of a folder of OBJ files: mm if not given. The ICT-FaceKit folder is known to be in cm.
+    """
+    if Path(path).is_dir():
+        if (Path(path) / NEUTRAL).exists():
+            return read_ict_folder(path)
+        rig = read_obj_folder(path, millimetres(unit or "mm", str(path)))
+        warn_if_not_a_head(rig.mesh.vertices, str(path))
+        return rig
+    kind = _ending(path, "read a rig", (".glb", ".gltf", ".npz"), "a folder of OBJ files")
+    if kind != ".npz":
+        return read_glb_rig(path)
+    return read_ict_pack(path) if "expression_deltas" in npz_names(path) else read_rig_npz(path)
+
+
+def read_markers(path: str | os.PathLike, unit: str | None = None) -> MarkerTake:
+    """Read a marker take: .c3d, .trc, .csv (ours); `unit` overrides the unit that the file states."""
+    kind = _ending(path, "read markers", (".c3d", ".trc", ".csv"))
+    return {".c3d": read_c3d, ".trc": read_trc, ".csv": read_marker_csv}[kind](path, unit)
+
+
+def read_animation(path: str | os.PathLike) -> Animation:
+    """Read weights over time: .csv (ours, or Live Link Face by its header), .npz, .glb, .gltf."""
+    kind = _ending(path, "read an animation", (".csv", ".npz", ".glb", ".gltf"))
+    if kind == ".npz":
+        return read_animation_npz(path)
+    if kind != ".csv":
+        return read_glb_animation(path)
+    with reading(path, "CSV file"):
+        table = read_table(path)
+        return animation_of_live_link(table) if is_live_link(table) else animation_of_table(table)
+
+
+def write_mesh(path: str | os.PathLike, mesh: Mesh) -> None:
+    """Write a surface: .obj, .ply, .stl (mm), .glb (metres)."""
+    kind = _ending(path, "write a mesh", (".obj", ".ply", ".stl", ".glb"))
+    {".obj": write_obj, ".glb": write_glb_mesh}.get(kind, write_scan)(path, mesh)
+
+
+def write_rig(path: str | os.PathLike, rig: Rig, animation: Animation | None = None) -> None:
+    """Write a rig: .glb, with an animation if one is given, or .npz without."""
+    kind = _ending(path, "write a rig", (".glb", ".npz"))
+    if kind == ".glb":
+        write_glb_rig(path, rig, animation)
+    elif animation is not None:
+        raise InputError(f"Cannot write {path}: a rig .npz holds no animation; write .glb, or the animation by itself.")
+    else:
+        write_rig_npz(path, rig)
+
+
+def write_markers(path: str | os.PathLike, take: MarkerTake) -> None:
+    """Write a marker take: .c3d, .trc, .csv, all in mm."""
+    kind = _ending(path, "write markers", (".c3d", ".trc", ".csv"))
+    {".c3d": write_c3d, ".trc": write_trc, ".csv": write_marker_csv}[kind](path, take)
+
+
+def write_animation(path: str | os.PathLike, animation: Animation, rig: Rig | None = None) -> None:
+    """Write weights over time: .csv, .livelink.csv (Live Link Face), .npz, .glb (needs the rig)."""
+    kind = _ending(path, "write an animation", (LIVE_LINK, ".csv", ".npz", ".glb"))
+    if kind == LIVE_LINK:
+        write_live_link(path, animation)
+    elif kind == ".csv":
+        write_animation_csv(path, animation, rig)
+    elif kind == ".npz":
+        write_animation_npz(path, animation)
+    elif rig is None:
+        raise InputError(f"Cannot write {path}: a .glb holds the face too; give the rig, or write .csv or .npz.")
+    else:
+        write_glb_rig(path, rig, animation)
+
+
+def _ending(path: str | os.PathLike, task: str, endings: tuple[str, ...], also: str = "") -> str:
+    """The ending of `path` among `endings`, in small letters."""
+    name = Path(path).name.lower()
+    for ending in endings:
+        if name.endswith(ending):
+            return ending
+    if task.startswith("read"):
+        existing_file(path)
+    known = ", ".join(endings) + (f" or {also}" if also else "")
+    raise InputError(f"Cannot {task} from {path}: its ending is not one of {known}; convert it first."
+                     if task.startswith("read")
+                     else f"Cannot {task} to {path}: its ending must be one of {known}.")  # fmt: skip
