@@ -87,3 +87,61 @@ def add_rows(g, gram, rows, y):
         y0, y1, y2, y3 = y[i], y[i + 1], y[i + 2], y[i + 3]
         for j in range(g.size):
             g[j] += y0 * r0[j] + y1 * r1[j] + y2 * r2[j] + y3 * r3[j]
+
+
+@njit(fastmath=FAST, error_model="numpy", cache=True)
+def invert_factor(a, n, w):
+    """w = the inverse of the transposed factor in `a`: lower triangular, row by row with the stride of `a`."""
+    S = STRIDE
+    for i in range(0, n, 4):
+        r = w[i * S : (i + 3) * S + i + 8]
+        m = i + 4
+        for k in range(4):
+            r[k * S : k * S + m + 4] = 0.0
+        for p in range(0, i, 4):
+            b, u = w[p * S : (p + 3) * S + p + 8], a[p * S + i : (p + 3) * S + i + 4]
+            c00, c01, c02, c03 = u[0], u[S], u[2 * S], u[3 * S]
+            c10, c11, c12, c13 = u[1], u[S + 1], u[2 * S + 1], u[3 * S + 1]
+            c20, c21, c22, c23 = u[2], u[S + 2], u[2 * S + 2], u[3 * S + 2]
+            c30, c31, c32, c33 = u[3], u[S + 3], u[2 * S + 3], u[3 * S + 3]
+            for j in range(p + 4):
+                b0, b1, b2, b3 = b[j], b[S + j], b[2 * S + j], b[3 * S + j]
+                r[j] -= c00 * b0 + c01 * b1 + c02 * b2 + c03 * b3
+                r[S + j] -= c10 * b0 + c11 * b1 + c12 * b2 + c13 * b3
+                r[2 * S + j] -= c20 * b0 + c21 * b1 + c22 * b2 + c23 * b3
+                r[3 * S + j] -= c30 * b0 + c31 * b1 + c32 * b2 + c33 * b3
+        u = a[i * S + i : (i + 3) * S + i + 4]
+        d0, d1, d2, d3 = u[0], u[S + 1], u[2 * S + 2], u[3 * S + 3]
+        u01, u02, u03, u12, u13, u23 = u[1], u[2], u[3], u[S + 2], u[S + 3], u[2 * S + 3]
+        r[i] = r[S + i + 1] = r[2 * S + i + 2] = r[3 * S + i + 3] = 1.0
+        for j in range(m):
+            e0 = r[j] * d0
+            e1 = (r[S + j] - u01 * e0) * d1
+            e2 = (r[2 * S + j] - u02 * e0 - u12 * e1) * d2
+            r[j] = e0
+            r[S + j] = e1
+            r[2 * S + j] = e2
+            r[3 * S + j] = (r[3 * S + j] - u03 * e0 - u13 * e1 - u23 * e2) * d3
+
+
+@njit(fastmath=FAST, error_model="numpy", cache=True)
+def square_rows(w, n, v):
+    """v = w'w for a lower triangular w: the lower triangle of v, in blocks of four rows."""
+    S = STRIDE
+    for i in range(0, n, 4):
+        m = i + 4
+        r = v[i * S : (i + 3) * S + m]
+        for k in range(4):
+            r[k * S : k * S + m] = 0.0
+        for p in range(i, n, 4):
+            b, u = w[p * S : (p + 3) * S + p + 8], w[p * S + i : (p + 3) * S + i + 4]
+            c00, c01, c02, c03 = u[0], u[S], u[2 * S], u[3 * S]
+            c10, c11, c12, c13 = u[1], u[S + 1], u[2 * S + 1], u[3 * S + 1]
+            c20, c21, c22, c23 = u[2], u[S + 2], u[2 * S + 2], u[3 * S + 2]
+            c30, c31, c32, c33 = u[3], u[S + 3], u[2 * S + 3], u[3 * S + 3]
+            for j in range(m):
+                b0, b1, b2, b3 = b[j], b[S + j], b[2 * S + j], b[3 * S + j]
+                r[j] += c00 * b0 + c01 * b1 + c02 * b2 + c03 * b3
+                r[S + j] += c10 * b0 + c11 * b1 + c12 * b2 + c13 * b3
+                r[2 * S + j] += c20 * b0 + c21 * b1 + c22 * b2 + c23 * b3
+                r[3 * S + j] += c30 * b0 + c31 * b1 + c32 * b2 + c33 * b3

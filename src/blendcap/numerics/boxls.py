@@ -9,14 +9,14 @@ from numpy.typing import ArrayLike
 from blendcap.data.checks import array
 from blendcap.data.solution import Certificate
 from blendcap.numerics._boxproblem import BoxProblem, accuracy, box_problem, residuals
-from blendcap.numerics._cholesky import FAST, STRIDE
+from blendcap.numerics._cholesky import STRIDE
 from blendcap.numerics._descent import descend
 from blendcap.numerics._guess import guess_states
 from blendcap.numerics._pivoting import FREE, LOWER, UPPER, pivot
+from blendcap.numerics._seen import seen_gram, seen_start
 
 BLOCKS = 64  # of frames, handed to the threads
 FEW = 64  # frames below which the guess costs more than it saves
-REBUILD = 256  # rank-one updates after which the Gram matrix of the missing markers is formed anew, against drift
 
 
 def solve_box(
@@ -116,7 +116,7 @@ def _solve_all(gram, linear, diagonal, lower, upper, rows, missing, usable, stat
     for b in prange(blocks):
         g, following = np.zeros(gram.shape[1]), np.zeros(m, np.int8)
         work = (np.zeros((m + 8) * STRIDE), np.zeros(m + 8), np.zeros(m + 8, np.uint32), following)
-        seen = Seen(gram, missing)
+        seen = seen_start(gram, missing)
         first = b * frames // blocks
         for t in range(first, (b + 1) * frames // blocks):
             x, state, d = weights[t], states[t], diagonal[t if len(diagonal) > 1 else 0]
@@ -135,38 +135,3 @@ def _solve_all(gram, linear, diagonal, lower, upper, rows, missing, usable, stat
             if count < 0:
                 count = most + abs(descend(h, d, linear[t], lower, upper, state, x, g, work, most))
             rounds[t] = count
-
-
-@njit(error_model="numpy", cache=True)
-def Seen(gram, missing):
-    """A copy of the Gram matrix to work on, the markers that it lacks, and the updates since it was formed."""
-    copies = 1 if missing.shape[1] else 0
-    return gram[: gram.shape[0] * copies].copy(), np.zeros(missing.shape[1], np.bool_), np.zeros(1, np.int64)
-
-
-@njit(fastmath=FAST, error_model="numpy", cache=True)
-def seen_gram(seen, gram, rows, missing, t):
-    """The Gram matrix of the markers that frame t sees, by rank-one updates of the one of the frame before."""
-    h, lacks, updates = seen
-    if not lacks.size:
-        return gram
-    flips = 0
-    for k in range(lacks.size):
-        flips += lacks[k] != missing[t, k]
-    updates[0] += flips * rows.shape[1]
-    if updates[0] > REBUILD:
-        h[:] = gram
-        lacks[:] = False
-        updates[0] = 0
-    for k in range(lacks.size):
-        if lacks[k] != missing[t, k]:
-            sign = 1.0 if lacks[k] else -1.0
-            lacks[k] = missing[t, k]
-            for p in range(rows.shape[1]):
-                r = rows[k, p]
-                for i in range(h.shape[0] - 1):
-                    c = sign * r[i]
-                    if c != 0:
-                        for j in range(r.size):
-                            h[i, j] += c * r[j]
-    return h
