@@ -15,7 +15,7 @@ PALETTE = {  # a word in the region's name, in the order of painting
     "gums": np.array([0.72, 0.42, 0.41]),
     "teeth": np.array([0.90, 0.87, 0.80]),
     "hair": np.array([0.28, 0.21, 0.17]),
-    "lash": np.array([0.14, 0.11, 0.10]),
+    "lash": HIDDEN,
     "occlusion": HIDDEN,  # clear layers over the eye, which only a renderer with transparency can use
     "lacrimal": HIDDEN,
     "eyeblend": HIDDEN,

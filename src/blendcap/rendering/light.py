@@ -13,21 +13,28 @@ from blendcap.rendering.rasterize import fill, visibility
 SKY_DIRECTIONS = 20
 SKY_PIXELS = 112
 FAR = 12.0  # distance of a light, in radii of the mesh
+REACH = (FAR - 1) / 1.06  # focal length of a light that frames the mesh, in half pictures
+FOCAL = (SKY_PIXELS / 2 - 2) * REACH
 
 
-def light_camera(vertices: np.ndarray, direction: np.ndarray, pixels: int) -> Camera:
-    """The camera that looks along a light from `direction` (3,) and frames the whole mesh in a square picture.
+def light_camera(bounds: tuple[np.ndarray, np.ndarray], direction: np.ndarray, pixels: int) -> Camera:
+    """The camera that looks along a light from `direction` (3,) and frames a box, lowest and highest corner, mm.
 
     Centre and radius are rounded, so that the depth maps of an animated face do not crawl.
     """
-    low, high = vertices.min(0), vertices.max(0)
+    low, high = bounds
     radius = max(float(np.linalg.norm(high - low)) / 2, 1e-3)
-    step = 1.1 ** np.ceil(np.log(radius) / np.log(1.1))
-    center = np.round((low + high) / 2 / (0.05 * step)) * 0.05 * step
-    reach = step * 1.06
-    focal = (pixels / 2 - 1) * (FAR - 1) * step / reach
+    radius = 1.1 ** np.ceil(np.log(radius) / np.log(1.1))
+    center = np.round((low + high) / (0.1 * radius)) * 0.05 * radius
+    focal = (pixels / 2 - 2) * REACH
     intrinsics = np.array([[focal, 0, (pixels - 1) / 2], [0, focal, (pixels - 1) / 2], [0, 0, 1.0]])
-    return Camera(intrinsics, look_at(center + FAR * step * np.asarray(direction), center))
+    return Camera(intrinsics, look_at(center + FAR * radius * np.asarray(direction), center))
+
+
+def box(vertices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Lowest and highest corner of a mesh, mm."""
+    columns = np.ascontiguousarray(vertices.T)  # NumPy is slow along rows of three
+    return columns.min(1), columns.max(1)
 
 
 def shadow_map(vertices: np.ndarray, faces: np.ndarray, camera: Camera, pixels: int) -> np.ndarray:
@@ -37,23 +44,18 @@ def shadow_map(vertices: np.ndarray, faces: np.ndarray, camera: Camera, pixels: 
 
 def openness(vertices: np.ndarray, normals: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """How much of the sky above its tangent plane each vertex sees, (V,), 0 to 1: ambient occlusion."""
-    directions = _sky()
-    cameras = [light_camera(vertices, direction, SKY_PIXELS) for direction in directions]
-    seen = np.zeros((len(directions), len(vertices)))
-    facing = np.maximum(directions @ normals.T, 0)
+    directions, bounds = _sky(), box(vertices)
+    seen, total = np.zeros((2, len(directions), len(vertices)))
 
     def look(start: int, stop: int) -> None:
         for d in range(start, stop):
-            corners = to_homogeneous(vertices, cameras[d])
-            nearness = np.zeros((SKY_PIXELS, SKY_PIXELS))
-            fill(corners, faces, 0, SKY_PIXELS, np.empty(nearness.shape, dtype=np.int32), nearness)
-            texel = cameras[d].position @ cameras[d].position
-            texel = np.sqrt(texel) / cameras[d].intrinsics[0, 0]
-            _reached(corners, facing[d], nearness, texel, seen[d])
+            camera = light_camera(bounds, directions[d], SKY_PIXELS)
+            projection = camera.intrinsics @ camera.pose[:3]
+            _look(vertices, normals, faces, projection, directions[d], seen[d], total[d])
 
     each_band(len(directions), 1, look)
-    total = facing.sum(0)
-    return np.where(total > 0, (facing * seen).sum(0) / np.where(total > 0, total, 1), 1)
+    weight = total.sum(0)
+    return np.where(weight > 0, seen.sum(0) / np.where(weight > 0, weight, 1), 1)
 
 
 def _sky() -> np.ndarray:
@@ -66,18 +68,31 @@ def _sky() -> np.ndarray:
 
 
 @njit(cache=True, nogil=True)
-def _reached(corners, facing, nearness, texel, out):
-    """The share of four texels of a depth map that lets light through to each vertex."""
-    pixels = len(nearness)
-    for v in range(len(corners)):
-        if facing[v] <= 0:
-            continue
-        depth = corners[v, 2]
-        x, y = int(np.floor(corners[v, 0] / depth)), int(np.floor(corners[v, 1] / depth))
-        slack = texel * (0.6 + 1.2 / max(facing[v], 0.25))
-        free = 0
-        for row in range(y, y + 2):
-            for column in range(x, x + 2):
-                outside = row < 0 or column < 0 or row >= pixels or column >= pixels
-                free += outside or nearness[row, column] * (depth - slack) < 1
-        out[v] = free / 4
+def _look(vertices, normals, faces, projection, direction, seen, total):
+    """How squarely each vertex faces one piece of sky, `total`, and how much of that reaches it, `seen`."""
+    corners, pixels = np.empty((len(vertices), 3)), np.empty((len(vertices), 2))
+    for v in range(len(vertices)):
+        x, y, z = vertices[v, 0], vertices[v, 1], vertices[v, 2]
+        for c in range(3):
+            corners[v, c] = projection[c, 0] * x + projection[c, 1] * y + projection[c, 2] * z + projection[c, 3]
+        for c in range(2):
+            pixels[v, c] = corners[v, c] / corners[v, 2]
+    nearness = np.zeros((SKY_PIXELS, SKY_PIXELS))
+    fill(corners, pixels, faces, 0, SKY_PIXELS, np.empty(nearness.shape, dtype=np.int32), nearness)
+    for v in range(len(vertices)):
+        facing = normals[v, 0] * direction[0] + normals[v, 1] * direction[1] + normals[v, 2] * direction[2]
+        if facing > 0:
+            total[v] = facing
+            seen[v] = facing * _reached(pixels[v, 0], pixels[v, 1], corners[v, 2], facing, nearness)
+
+
+@njit(cache=True, nogil=True)
+def _reached(x, y, depth, facing, nearness):
+    """The share of four texels of a depth map that lets light through."""
+    slack = depth / FOCAL * (0.6 + 1.2 / max(facing, 0.25))
+    column, row = int(np.floor(x)), int(np.floor(y))
+    free = 0
+    for r in range(max(row, 0), min(row + 2, SKY_PIXELS)):
+        for c in range(max(column, 0), min(column + 2, SKY_PIXELS)):
+            free += nearness[r, c] * (depth - slack) < 1
+    return free / 4

@@ -19,16 +19,18 @@ def vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 def _vertex_normals(vertices, faces):
     normals = np.zeros_like(vertices)
     for f in range(len(faces)):
-        i, j, k = faces[f]
-        ax, ay, az = vertices[j] - vertices[i]
-        bx, by, bz = vertices[k] - vertices[i]
+        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
+        x, y, z = vertices[i, 0], vertices[i, 1], vertices[i, 2]
+        ax, ay, az = vertices[j, 0] - x, vertices[j, 1] - y, vertices[j, 2] - z
+        bx, by, bz = vertices[k, 0] - x, vertices[k, 1] - y, vertices[k, 2] - z
         normal = (ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx)
         for corner in (i, j, k):
             for d in range(3):
                 normals[corner, d] += normal[d]
     for v in range(len(normals)):
-        x, y, z = normals[v]
+        x, y, z = normals[v, 0], normals[v, 1], normals[v, 2]
         length = np.sqrt(x * x + y * y + z * z)
         if length > 0:
-            normals[v] /= length
+            for d in range(3):
+                normals[v, d] /= length
     return normals

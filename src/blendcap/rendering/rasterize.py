@@ -19,7 +19,7 @@ from blendcap.rendering.camera import to_homogeneous
 from blendcap.rendering.parallel import each_band
 
 NEAR = 1e-3  # mm; what is nearer to the camera is not seen
-BAND = 32  # rows that one thread fills at a time
+BAND = 96  # rows that one thread fills at a time
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,16 +70,23 @@ def visibility(corners: np.ndarray, faces: np.ndarray, size: tuple[int, int]) ->
     width, height = size
     face = np.full((height, width), -1, dtype=np.int32)
     nearness = np.zeros((height, width))
-    each_band(height, BAND, lambda start, stop: fill(corners, faces, start, stop, face, nearness))
+    pixels = where(corners)
+    each_band(height, BAND, lambda start, stop: fill(corners, pixels, faces, start, stop, face, nearness))
     return face, nearness
+
+
+def where(corners: np.ndarray) -> np.ndarray:
+    """Pixels (V, 2) of homogeneous corners (V, 3); not a number behind the camera."""
+    front = corners[:, 2:] > NEAR
+    return np.where(front, corners[:, :2], np.nan) / np.where(front, corners[:, 2:], 1)
 
 
 @njit(cache=True, nogil=True)
 def edges(corners, i, j, k):
     """The three edge functions (a, b, c) of a triangle, for `a x + b y + c`, and its determinant."""
-    x0, y0, z0 = corners[i]
-    x1, y1, z1 = corners[j]
-    x2, y2, z2 = corners[k]
+    x0, y0, z0 = corners[i, 0], corners[i, 1], corners[i, 2]
+    x1, y1, z1 = corners[j, 0], corners[j, 1], corners[j, 2]
+    x2, y2, z2 = corners[k, 0], corners[k, 1], corners[k, 2]
     e0 = (y1 * z2 - z1 * y2, z1 * x2 - x1 * z2, x1 * y2 - y1 * x2)
     e1 = (y2 * z0 - z2 * y0, z2 * x0 - x2 * z0, x2 * y0 - y2 * x0)
     e2 = (y0 * z1 - z0 * y1, z0 * x1 - x0 * z1, x0 * y1 - y0 * x1)
@@ -87,12 +94,12 @@ def edges(corners, i, j, k):
 
 
 @njit(cache=True, nogil=True)
-def _span(corners, axis, i, j, k, stop):
+def _span(pixels, axis, i, j, k, stop):
     """First and last pixel along an axis that a triangle may cover; all of them where it reaches behind the camera."""
-    if corners[i, 2] <= NEAR or corners[j, 2] <= NEAR or corners[k, 2] <= NEAR:
-        return 0, stop - 1
-    a, b, c = corners[i, axis] / corners[i, 2], corners[j, axis] / corners[j, 2], corners[k, axis] / corners[k, 2]
+    a, b, c = pixels[i, axis], pixels[j, axis], pixels[k, axis]
     low, high = min(a, b, c), max(a, b, c)
+    if not high - low < np.inf:
+        return 0, stop - 1
     first = min(max(np.ceil(low - 1e-9), 0), stop)  # clamped before the whole number: a far corner may be at 1e20
     return int(first), int(max(min(np.floor(high + 1e-9), stop - 1), -1))
 
@@ -104,18 +111,18 @@ def _inside(value, a, b):
 
 
 @njit(cache=True, nogil=True)
-def fill(corners, faces, top, bottom, face, nearness):
+def fill(corners, pixels, faces, top, bottom, face, nearness):
     """Write rows `top` to `bottom` of the z-buffer: `face` and one over the depth, `nearness`."""
     width = face.shape[1]
     for f in range(len(faces)):
-        i, j, k = faces[f]
+        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
         if corners[i, 2] <= NEAR and corners[j, 2] <= NEAR and corners[k, 2] <= NEAR:
             continue
-        first, last = _span(corners, 1, i, j, k, bottom)
+        first, last = _span(pixels, 1, i, j, k, bottom)
         first = max(first, top)
         if first > last:
             continue
-        left, right = _span(corners, 0, i, j, k, width)
+        left, right = _span(pixels, 0, i, j, k, width)
         if left > right:
             continue
         (a0, b0, c0), (a1, b1, c1), (a2, b2, c2), det = edges(corners, i, j, k)
@@ -137,11 +144,11 @@ def fill(corners, faces, top, bottom, face, nearness):
 
 @njit(cache=True, nogil=True)
 def weights_at(corners, i, j, k, x, y):
-    """Perspective-correct barycentric coordinates of a triangle at a pixel."""
-    (a0, b0, c0), (a1, b1, c1), (a2, b2, c2), _ = edges(corners, i, j, k)
+    """Perspective-correct barycentric coordinates of a triangle at a pixel, and whether its back is seen."""
+    (a0, b0, c0), (a1, b1, c1), (a2, b2, c2), det = edges(corners, i, j, k)
     e0, e1, e2 = a0 * x + (b0 * y + c0), a1 * x + (b1 * y + c1), a2 * x + (b2 * y + c2)
     total = e0 + e1 + e2
-    return e0 / total, e1 / total, e2 / total
+    return e0 / total, e1 / total, e2 / total, det > 0
 
 
 @njit(cache=True, nogil=True)
@@ -149,5 +156,6 @@ def _barycentric(corners, faces, face, top, bottom, out):
     for y in range(top, bottom):
         for x in range(face.shape[1]):
             if face[y, x] >= 0:
-                i, j, k = faces[face[y, x]]
-                out[y, x] = weights_at(corners, i, j, k, x, y)
+                f = face[y, x]
+                u, v, w, _ = weights_at(corners, faces[f, 0], faces[f, 1], faces[f, 2], x, y)
+                out[y, x, 0], out[y, x, 1], out[y, x, 2] = u, v, w

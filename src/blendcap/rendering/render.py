@@ -11,7 +11,7 @@ from blendcap.data import Camera, InputError, Mesh
 from blendcap.rendering.appearance import SKIN
 from blendcap.rendering.camera import to_homogeneous
 from blendcap.rendering.color import to_linear, to_pixels
-from blendcap.rendering.light import light_camera, openness, shadow_map
+from blendcap.rendering.light import box, light_camera, openness, shadow_map
 from blendcap.rendering.normals import vertex_normals
 from blendcap.rendering.parallel import each_band
 from blendcap.rendering.rasterize import BAND, visibility
@@ -124,11 +124,10 @@ def _doubled(camera: Camera) -> Camera:
 
 
 def _shadow(vertices: np.ndarray, faces: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-    """Projection into the key light's depth map, the map, and the width of its texels in mm."""
-    camera = light_camera(vertices, direction, SHADOW_PIXELS)
+    """Projection into the key light's depth map, the map, and its focal length in texels."""
+    camera = light_camera(box(vertices), direction, SHADOW_PIXELS)
     nearness = shadow_map(vertices, faces, camera, SHADOW_PIXELS)
-    distance = float((camera.pose[:3, :3] @ vertices.mean(0) + camera.pose[:3, 3])[2])
-    return camera.intrinsics @ camera.pose[:3], nearness, distance / camera.intrinsics[0, 0]
+    return camera.intrinsics @ camera.pose[:3], nearness, float(camera.intrinsics[0, 0])
 
 
 def _backdrop(background, size: tuple[int, int]) -> np.ndarray:

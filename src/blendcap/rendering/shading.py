@@ -8,10 +8,12 @@ import numpy as np
 from numba import njit
 
 from blendcap.rendering.color import LINEAR
-from blendcap.rendering.rasterize import edges, weights_at
+from blendcap.rendering.rasterize import weights_at
 
 # columns of the table of what is interpolated over a triangle
 POSITION, NORMAL, COLOR, SKY, WIDTH = 0, 3, 6, 9, 10
+WRAP = (0.28, 0.16, 0.12)  # how far each color's light reaches around the form
+INSIDE = 0.15  # of its color, where the inside of the surface is seen
 SAME_DEPTH = 1.5e-3  # samples of a pixel that differ by less, relative to the depth, lie on one surface
 
 
@@ -41,140 +43,146 @@ class Light:
         return lights / np.linalg.norm(lights, axis=1, keepdims=True) @ camera_rotation
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, fastmath=True)
 def shade(corners, faces, face, nearness, table, texture, scene, shadow, backdrop, top, bottom, out):
     """Write rows `top` to `bottom` of `out` (H, W, 3), linear 0 to 1, from a z-buffer of twice the size.
 
     The four samples of a pixel are shaded as one where they lie on one surface, and each for itself where they do not.
     """
-    sample, mean = np.empty(WIDTH), np.empty(WIDTH)
-    color = np.empty(3)
+    point = np.empty(WIDTH)
     for y in range(top, bottom):
         for x in range(out.shape[1]):
-            out[y, x] = 0
             near, far, covered, alike = 0.0, np.inf, 0, True
             first = face[2 * y, 2 * x]
             for s in range(4):
-                row, column = 2 * y + s // 2, 2 * x + s % 2
-                covered += face[row, column] >= 0
-                alike = alike and face[row, column] == first
-                near, far = max(near, nearness[row, column]), min(far, nearness[row, column])
-            if covered == 0:
-                out[y, x] = backdrop[y, x]
-            elif covered == 4 and alike:
-                look_up(corners, faces, first, 2 * x + 0.5, 2 * y + 0.5, table, texture, mean)
-                light(mean, scene, shadow, color)
-                out[y, x] = color
-            elif covered == 4 and near < far * (1 + SAME_DEPTH):
-                mean[:] = 0
-                for s in range(4):
-                    row, column = 2 * y + s // 2, 2 * x + s % 2
-                    look_up(corners, faces, face[row, column], column, row, table, texture, sample)
-                    mean += sample / 4
-                light(mean, scene, shadow, color)
-                out[y, x] = color
+                f, inverse = face[2 * y + s // 2, 2 * x + s % 2], nearness[2 * y + s // 2, 2 * x + s % 2]
+                covered += f >= 0
+                alike = alike and f == first
+                near, far = max(near, inverse), min(far, inverse)
+            red, green, blue = 0.0, 0.0, 0.0
+            if covered == 4 and (alike or near < far * (1 + SAME_DEPTH)):
+                point[:] = 0
+                if alike:
+                    add_sample(corners, faces, first, 2 * x + 0.5, 2 * y + 0.5, table, texture, 1.0, point)
+                else:
+                    for s in range(4):
+                        row, column = 2 * y + s // 2, 2 * x + s % 2
+                        add_sample(corners, faces, face[row, column], column, row, table, texture, 0.25, point)
+                red, green, blue = light(point, scene, shadow)
             else:
-                for s in range(4):
+                for s in range(4 if covered else 0):
                     row, column = 2 * y + s // 2, 2 * x + s % 2
-                    if face[row, column] < 0:
-                        out[y, x] += backdrop[y, x] / 4
-                    else:
-                        look_up(corners, faces, face[row, column], column, row, table, texture, sample)
-                        light(sample, scene, shadow, color)
-                        out[y, x] += color / 4
+                    if face[row, column] >= 0:
+                        point[:] = 0
+                        add_sample(corners, faces, face[row, column], column, row, table, texture, 1.0, point)
+                        r, g, b = light(point, scene, shadow)
+                        red, green, blue = red + r / 4, green + g / 4, blue + b / 4
+                free = 1 - covered / 4
+                red, green = red + free * backdrop[y, x, 0], green + free * backdrop[y, x, 1]
+                blue += free * backdrop[y, x, 2]
+            out[y, x, 0], out[y, x, 1], out[y, x, 2] = red, green, blue
 
 
-@njit(cache=True, nogil=True)
-def look_up(corners, faces, f, x, y, table, texture, out):
-    """Interpolate the table at a pixel of face `f`; the inside of the surface turns its normal and is dark."""
-    i, j, k = faces[f]
-    u, v, w = weights_at(corners, i, j, k, x, y)
-    for c in range(WIDTH):
-        out[c] = u * table[i, c] + v * table[j, c] + w * table[k, c]
+@njit(cache=True, nogil=True, fastmath=True)
+def add_sample(corners, faces, f, x, y, table, texture, share, out):
+    """Add what the table says at a pixel of face `f`; the inside of the surface turns its normal and is dark."""
+    i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
+    u, v, w, back = weights_at(corners, i, j, k, x, y)
+    u, v, w = share * u, share * v, share * w
+    for c in range(POSITION, NORMAL):
+        out[c] += u * table[i, c] + v * table[j, c] + w * table[k, c]
+    turn, dim = (-1.0, INSIDE) if back else (1.0, 1.0)
+    for c in range(NORMAL, COLOR):
+        out[c] += turn * (u * table[i, c] + v * table[j, c] + w * table[k, c])
+    out[SKY] += u * table[i, SKY] + v * table[j, SKY] + w * table[k, SKY]
     image, uv, uv_faces = texture
-    if len(uv_faces):
-        i_uv, j_uv, k_uv = uv_faces[f]
-        s = u * uv[i_uv, 0] + v * uv[j_uv, 0] + w * uv[k_uv, 0]
-        t = u * uv[i_uv, 1] + v * uv[j_uv, 1] + w * uv[k_uv, 1]
-        _texel(image, s, t, out)
-    if edges(corners, i, j, k)[3] > 0:
-        out[NORMAL : NORMAL + 3] *= -1
-        out[COLOR : COLOR + 3] *= 0.15
+    if len(uv_faces) == 0:
+        for c in range(COLOR, SKY):
+            out[c] += dim * (u * table[i, c] + v * table[j, c] + w * table[k, c])
+    else:
+        i, j, k = uv_faces[f, 0], uv_faces[f, 1], uv_faces[f, 2]
+        s = (u * uv[i, 0] + v * uv[j, 0] + w * uv[k, 0]) / share
+        t = (u * uv[i, 1] + v * uv[j, 1] + w * uv[k, 1]) / share
+        _add_texel(image, s, t, share * dim, out)
 
 
-@njit(cache=True, nogil=True)
-def _texel(image, s, t, out):
-    """Bilinear look-up of an image (H, W, 3), sRGB, at texture coordinates with v up; the border goes on."""
-    height, width = image.shape[:2]
+@njit(cache=True, nogil=True, fastmath=True)
+def _add_texel(image, s, t, share, out):
+    """Add a bilinear look-up of an image (H, W, 3), sRGB, at texture coordinates with v up; the border goes on."""
+    height, width = image.shape[0], image.shape[1]
     x = min(max(s * width - 0.5, 0.0), width - 1.0)
     y = min(max((1 - t) * height - 0.5, 0.0), height - 1.0)
-    left, top = min(int(x), max(width - 2, 0)), min(int(y), max(height - 2, 0))
+    left, top = int(x), int(y)
     right, low = min(left + 1, width - 1), min(top + 1, height - 1)
     a, b = x - left, y - top
     for c in range(3):
         upper = (1 - a) * LINEAR[image[top, left, c]] + a * LINEAR[image[top, right, c]]
         lower = (1 - a) * LINEAR[image[low, left, c]] + a * LINEAR[image[low, right, c]]
-        out[COLOR + c] = (1 - b) * upper + b * lower
+        out[COLOR + c] += share * ((1 - b) * upper + b * lower)
 
 
-@njit(cache=True, nogil=True)
-def light(point, scene, shadow, out):
-    """The light (3,) that leaves a point of the table towards the camera.
+@njit(cache=True, nogil=True, fastmath=True)
+def light(point, scene, shadow):
+    """The light (red, green, blue) that leaves a point of the table towards the camera.
 
     Diffuse light wraps around the form, the red most, as it does under skin.
     """
     eye, directions, strengths, gloss = scene
-    nx, ny, nz = point[3], point[4], point[5]
-    length = max(np.sqrt(nx * nx + ny * ny + nz * nz), 1e-12)
-    nx, ny, nz = nx / length, ny / length, nz / length
-    vx, vy, vz = eye[0] - point[0], eye[1] - point[1], eye[2] - point[2]
-    length = max(np.sqrt(vx * vx + vy * vy + vz * vz), 1e-12)
-    vx, vy, vz = vx / length, vy / length, vz / length
+    nx, ny, nz = _unit(point[3], point[4], point[5])
+    vx, vy, vz = _unit(eye[0] - point[0], eye[1] - point[1], eye[2] - point[2])
     sky = point[SKY]
     dome = strengths[3] * (0.72 + 0.28 * ny) * sky
     red, green, blue = dome * 0.97, dome, dome * 1.05
     shine = 0.0
     for n in range(3):
-        lx, ly, lz = directions[n]
+        lx, ly, lz = directions[n, 0], directions[n, 1], directions[n, 2]
         facing = nx * lx + ny * ly + nz * lz
-        if facing < -0.28:
+        if facing < -WRAP[0]:
             continue
         strength = strengths[n] * (_lit(point, facing, shadow) if n == 0 else 0.35 + 0.65 * sky)
-        red += strength * max(facing + 0.28, 0.0) / 1.28
-        green += strength * max(facing + 0.16, 0.0) / 1.16
-        blue += strength * max(facing + 0.12, 0.0) / 1.12
+        red += strength * max(facing + WRAP[0], 0.0) / (1 + WRAP[0])
+        green += strength * max(facing + WRAP[1], 0.0) / (1 + WRAP[1])
+        blue += strength * max(facing + WRAP[2], 0.0) / (1 + WRAP[2])
         if facing > 0 and gloss > 0:
-            hx, hy, hz = lx + vx, ly + vy, lz + vz
-            half = (nx * hx + ny * hy + nz * hz) / np.sqrt(max(hx * hx + hy * hy + hz * hz, 1e-12))
+            hx, hy, hz = _unit(lx + vx, ly + vy, lz + vz)
+            half = nx * hx + ny * hy + nz * hz
             if half > 0.6:
                 shine += strength * (0.6 * half**14 + 0.4 * half**48)
     shine *= gloss
-    out[0] = _roll_off(point[6] * red + shine)
-    out[1] = _roll_off(point[7] * green + shine)
-    out[2] = _roll_off(point[8] * blue + shine)
+    return _roll_off(point[6] * red + shine), _roll_off(point[7] * green + shine), _roll_off(point[8] * blue + shine)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, fastmath=True)
+def _unit(x, y, z):
+    scale = 1 / np.sqrt(max(x * x + y * y + z * z, 1e-24))
+    return x * scale, y * scale, z * scale
+
+
+@njit(cache=True, nogil=True, fastmath=True)
 def _roll_off(value):
     """Bright light is compressed as film does it, so that highlights keep their form."""
     return min(1.12 * value / (1 + 0.2 * value), 1.0)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, fastmath=True)
 def _lit(point, facing, shadow):
-    """The share of the key light, 0 to 1, that reaches a point: nine texels of its depth map."""
-    projection, nearness, texel = shadow
-    if len(nearness) == 0:
+    """The share of the key light, 0 to 1, that reaches a point: 3 x 3 texels of its depth map, blended."""
+    projection, nearness, focal = shadow
+    px, py, pz = point[0], point[1], point[2]
+    x = projection[0, 0] * px + projection[0, 1] * py + projection[0, 2] * pz + projection[0, 3]
+    y = projection[1, 0] * px + projection[1, 1] * py + projection[1, 2] * pz + projection[1, 3]
+    z = projection[2, 0] * px + projection[2, 1] * py + projection[2, 2] * pz + projection[2, 3]
+    x, y = x / z - 1, y / z - 1
+    column, row = int(np.floor(x)), int(np.floor(y))
+    if row < 0 or column < 0 or row >= len(nearness) - 3 or column >= len(nearness) - 3:
         return 1.0
-    x = projection[0, 0] * point[0] + projection[0, 1] * point[1] + projection[0, 2] * point[2] + projection[0, 3]
-    y = projection[1, 0] * point[0] + projection[1, 1] * point[1] + projection[1, 2] * point[2] + projection[1, 3]
-    z = projection[2, 0] * point[0] + projection[2, 1] * point[1] + projection[2, 2] * point[2] + projection[2, 3]
-    column, row = int(np.round(x / z)), int(np.round(y / z))
-    if row < 1 or column < 1 or row >= len(nearness) - 1 or column >= len(nearness) - 1:
-        return 1.0
-    slack = texel * (0.5 + 1.5 / max(facing, 0.15))  # a slope lies behind itself by more
-    free = 0
-    for r in range(row - 1, row + 2):
-        for c in range(column - 1, column + 2):
-            free += nearness[r, c] * (z - slack) < 1
+    a, b = x - column, y - row
+    slack = z / focal * (0.5 + 1.5 / max(facing, 0.15))  # a slope lies behind itself by more
+    limit = 1 / (z - slack)
+    free = 0.0
+    for r in range(4):
+        height = 1 - b if r == 0 else (b if r == 3 else 1.0)
+        for c in range(4):
+            if nearness[row + r, column + c] < limit:
+                free += height * (1 - a if c == 0 else (a if c == 3 else 1.0))
     return free / 9
