@@ -60,7 +60,11 @@ def test_json_is_plain_and_a_missing_number_is_null(capsys):
 
 
 def test_lines_are_aligned_and_long_lists_shortened(capsys):
-    print_lines({"vertices": 12345, "rms_mm": 0.123456, "shapes": [f"s{i}" for i in range(14)], "missing": []})
-    vertices, rms, shapes, missing = capsys.readouterr().out.splitlines()
-    assert vertices == "vertices  12,345" and rms == "rms mm    0.1235" and missing == "missing   none"
-    assert shapes.startswith("shapes    14: s0, s1, ") and shapes.endswith("s11 and 2 more")
+    shapes = [f"s{i}" for i in range(14)]
+    print_lines(
+        {"vertices": 12345, "rms_mm": 0.123456, "shapes": shapes, "missing": [], "size": [1.25, 2.0], "uv": True}
+    )
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[:2] == ["vertices  12,345", "rms mm    0.1235"]
+    assert lines[2].startswith("shapes    14: s0, s1, ") and lines[2].endswith("s11 and 2 more")
+    assert lines[3:] == ["missing   none", "size      1.25, 2", "uv        yes"]

@@ -37,10 +37,13 @@ def _plain(value: Any) -> Any:
 
 
 def _text(value: Any) -> str:
+    if value in (None, [], {}):
+        return "none"
     if isinstance(value, Mapping):
         return _short([f"{k} {_text(v)}" for k, v in value.items()])
-    if isinstance(value, (list, tuple)):
-        return f"{len(value)}: {_short([str(v) for v in value])}" if value else "none"
+    if isinstance(value, list):
+        count = f"{len(value)}: " if isinstance(value[0], str) else ""
+        return count + _short([_text(v) for v in value])
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, int):

@@ -29,6 +29,7 @@ app = App(
     help="Captured facial performances to blendshape animation.",
     version=blendcap.__version__,
     result_action="return_value",
+    suppress_keyboard_interrupt=False,
 )
 for command in (demo, doctor, info, solve, convert, evaluate, rig):
     app.command(command)
@@ -89,7 +90,7 @@ def _fail(sentence: str, code: int) -> int:
 def _listening(debug: bool) -> Iterator[None]:
     """Bring the library's warnings to standard error, one line each; with `debug`, all that it logs."""
     logger, handler = logging.getLogger("blendcap"), logging.StreamHandler()
-    handler.setFormatter(logging.Formatter("blendcap: %(levelname)s: %(message)s"))
+    handler.setFormatter(logging.Formatter("%(name)s: %(message)s" if debug else "blendcap: warning: %(message)s"))
     logger.addHandler(handler)
     logger.setLevel(logging.DEBUG if debug else logging.WARNING)
     try:

@@ -17,10 +17,8 @@ def convert(animation: Path, out: Path, /, *, rig: Path | None = None) -> None:
     rig
         The rig that the weights drive; needed to write .glb.
     """
-    from blendcap.cli.outputs import check_outputs
     from blendcap.io import read_animation, read_rig, write_animation
 
-    check_outputs([out])
     answer = read_animation(animation)
     write_animation(out, answer, rig=None if rig is None else read_rig(rig))
     print(f"{out}: {len(answer.weights):,} frames of {len(answer.names)} shapes at {answer.rate:g} frames a second")

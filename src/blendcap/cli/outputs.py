@@ -8,9 +8,12 @@ from pathlib import Path
 
 import blendcap
 
+ANIMATIONS = (".csv", ".glb", ".npz")
+VIDEOS, PAGES, PICTURES = (".mp4", ".gif"), (".html",), (".png",)
 
-def check_outputs(paths: Iterable[Path | None]) -> None:
-    """Refuse paths whose folder is not there or cannot be written to.
+
+def check_outputs(paths: Iterable[Path | None], endings: tuple[str, ...]) -> None:
+    """Refuse paths with another ending, and those whose folder is not there or cannot be written to.
 
     Raises
     ------
@@ -20,9 +23,11 @@ def check_outputs(paths: Iterable[Path | None]) -> None:
     for path in paths:
         if path is None:
             continue
+        if path.suffix.lower() not in endings:
+            raise blendcap.InputError(f"Cannot write {path}: its ending must be one of {', '.join(endings)}.")
         if path.is_dir():
-            raise blendcap.InputError(f"{path}: is a folder; name the file to write.")
+            raise blendcap.InputError(f"Cannot write {path}: it is a folder; name a file inside it.")
         if not path.parent.is_dir():
-            raise blendcap.InputError(f"{path}: the folder {path.parent} does not exist; make it first.")
+            raise blendcap.InputError(f"Cannot write {path}: the folder {path.parent} does not exist; create it first.")
         if not os.access(path.parent, os.W_OK):
-            raise blendcap.InputError(f"{path}: the folder {path.parent} cannot be written to; choose another.")
+            raise blendcap.InputError(f"Cannot write {path}: the folder {path.parent} is locked; choose another.")

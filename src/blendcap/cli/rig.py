@@ -20,10 +20,8 @@ def convert(source: Path, out: Path, /) -> None:
     out
         The file to write; its ending says the format.
     """
-    from blendcap.cli.outputs import check_outputs
     from blendcap.io import read_rig, write_rig
 
-    check_outputs([out])
     answer = read_rig(source)
     write_rig(out, answer)
     print(f"{out}: {len(answer.mesh.vertices):,} vertices, {len(answer.names)} shapes")

@@ -9,7 +9,7 @@ from cyclopts import Parameter
 
 import blendcap
 from blendcap.cli.answers import AsJson, print_json, print_lines
-from blendcap.cli.outputs import check_outputs
+from blendcap.cli.outputs import ANIMATIONS, PAGES, PICTURES, VIDEOS, check_outputs
 from blendcap.cli.progress import Progress
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ def solve(
     take
         The markers: .c3d, .trc or .csv. The first frames should be neutral.
     output
-        The animation to write: .csv, .glb or .npz; repeat -o for several.
+        The animation to write: .csv, .livelink.csv, .glb or .npz; repeat -o for several.
     rig
         The rig to drive: .glb, .npz, a folder of .obj files or an ICT-FaceKit folder.
     rom
@@ -63,7 +63,7 @@ def solve(
     head
         Large head motion: removed if there is any, always, or never.
     preview
-        A .mp4 of the answer with the markers on it.
+        A .mp4 or .gif of the answer with the markers on it.
     report
         A self-contained .html page: figures, plots, warnings.
     picture
@@ -73,7 +73,8 @@ def solve(
     """
     from blendcap.io import read_correspondences, read_markers, read_rig
 
-    check_outputs((*output, preview, report, picture))
+    for paths, endings in ((output, ANIMATIONS), ([preview], VIDEOS), ([report], PAGES), ([picture], PICTURES)):
+        check_outputs(paths, endings)
     settings = _settings(method, smoothness, beta, helmet=helmet, head=head)
     progress = Progress(quiet=as_json)
     with progress.step("read", "Read the rig and the take"):
