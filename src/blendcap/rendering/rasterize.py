@@ -76,9 +76,9 @@ def visibility(corners: np.ndarray, faces: np.ndarray, size: tuple[int, int]) ->
 
 
 def where(corners: np.ndarray) -> np.ndarray:
-    """Pixels (V, 2) of homogeneous corners (V, 3); not a number behind the camera."""
+    """Pixels (V, 2) of homogeneous corners (V, 3); infinite behind the camera."""
     front = corners[:, 2:] > NEAR
-    return np.where(front, corners[:, :2], np.nan) / np.where(front, corners[:, 2:], 1)
+    return np.where(front, corners[:, :2], np.inf) / np.where(front, corners[:, 2:], 1)
 
 
 @njit(cache=True, nogil=True)
