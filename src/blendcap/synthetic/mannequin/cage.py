@@ -49,6 +49,14 @@ class Cage:
         """How many points the whole cage has."""
         return int(self.twin.max()) + 1
 
+    @property
+    def twins(self) -> np.ndarray:
+        """The mirror image (N,) of each point of the whole cage."""
+        every = np.arange(self.size)
+        every[self.twin] = np.arange(len(self.twin))
+        every[: len(self.twin)] = self.twin
+        return every
+
     def index(self, names: Sequence[str]) -> np.ndarray:
         """Places of authored points, by name."""
         place = {name: i for i, name in enumerate(self.names)}

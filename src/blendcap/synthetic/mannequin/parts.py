@@ -33,17 +33,20 @@ class Part:
     local : (V, 3) float64
         What its color depends on: the direction from its center (eye, caruncle, tongue) or, for teeth, the distance
         along the arch from the midline in mm, the height (0 gum, 1 edge) and the depth of the gap between crowns.
+    chart : (Q, 4, 2) float64
+        Texture coordinates of the corners in the part's own cell, 0 to 1.
     """
 
     kind: str
     vertices: np.ndarray
     quads: np.ndarray
     local: np.ndarray
+    chart: np.ndarray
 
     def mirrored(self) -> Part:
         """The piece on the other side; its colors mirror too."""
         flip = np.array([-1.0, 1.0, 1.0])
-        return Part(self.kind, self.vertices * flip, self.quads[:, ::-1], self.local)
+        return Part(self.kind, self.vertices * flip, self.quads[:, ::-1], self.local, self.chart[:, ::-1])
 
 
 def make_parts(person: Person) -> list[Part]:
@@ -103,13 +106,33 @@ def _eye(person: Person) -> Part:
     directions, quads = ball(14)
     angle = np.arccos(np.clip(directions[:, 2], -1, 1))
     radius = GLOBE_RADIUS * (1 + CORNEA_RISE * np.exp(-((angle / CORNEA_ANGLE) ** 4)))
-    return Part("eye", person.globe + radius[:, None] * directions, quads, directions)
+    return Part("eye", person.globe + radius[:, None] * directions, quads, directions, _eye_chart(directions, quads))
+
+
+def _flat(spots: np.ndarray, quads: np.ndarray) -> np.ndarray:
+    """Corners (Q, 4, 2) of a chart of spots (V, 2) from -1 to 1."""
+    return (0.5 + 0.5 * spots)[quads]
+
+
+def _eye_chart(directions: np.ndarray, quads: np.ndarray) -> np.ndarray:
+    """The front and the sides on a disc by their angle from the gaze; the back in a corner of the square."""
+    angle = np.arccos(np.clip(directions[:, 2], -1, 1))
+    around = directions[:, :2] / np.maximum(np.linalg.norm(directions[:, :2], axis=1, keepdims=True), 1e-9)
+    back = (directions[quads].mean(1) * [1, 1, -1]).argmax(1) == 2
+    disc, corner = _flat(around * (angle / (0.75 * np.pi))[:, None], quads), 0.07 + 0.1 * directions[quads][:, :, :2]
+    return np.where(back[:, None, None], corner, disc)
 
 
 def _caruncle(person: Person) -> Part:
     """The pink corner that fills the inner canthus."""
     directions, quads = ball(5)
-    return Part("caruncle", directions * [4.4, 4.2, 4.0] + person.globe + [-12.7, -1.2, 5.4], quads, directions)
+    return Part(
+        "caruncle",
+        directions * [4.4, 4.2, 4.0] + person.globe + [-12.7, -1.2, 5.4],
+        quads,
+        directions,
+        _flat(directions[:, :2], quads),
+    )
 
 
 def _tongue(person: Person) -> Part:
@@ -117,7 +140,9 @@ def _tongue(person: Person) -> Part:
     shape = directions * [21, 9, 29]
     shape[:, 1] -= 1.8 * np.exp(-((shape[:, 0] / 4) ** 2)) * (shape[:, 1] > 0)
     shape[:, 1] *= 1 - 0.45 * smoothstep(5, 28, shape[:, 2])
-    return Part("tongue", person.moved(shape + np.array([0, -75, 60.5])), quads, directions)
+    return Part(
+        "tongue", person.moved(shape + np.array([0, -75, 60.5])), quads, directions, _flat(directions[:, [0, 2]], quads)
+    )
 
 
 def _stuck_out(vertices: np.ndarray) -> np.ndarray:
@@ -150,4 +175,6 @@ def _teeth(person: Person, *, upper: bool) -> Part:
     quads = np.stack([first, first + columns, first + columns + 1, first + 1], 1)
     vertices = person.moved(np.concatenate(rows))
     kind = "upper_teeth" if upper else "lower_teeth"
-    return Part(kind, vertices, quads if upper else quads[:, ::-1], np.concatenate(local))
+    spots = np.stack([np.tile(turn, 6), np.repeat(np.linspace(-1, 1, 6), columns)], 1) / [0.93 * np.pi / 2, 1]
+    quads = quads if upper else quads[:, ::-1]
+    return Part(kind, vertices, quads, np.concatenate(local), _flat(spots, quads))

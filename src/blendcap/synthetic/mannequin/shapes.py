@@ -84,10 +84,7 @@ def cage_shapes(face: Face) -> dict[str, np.ndarray]:
 
 def reflected(face: Face, whole: np.ndarray) -> np.ndarray:
     """The mirror image of a displacement (N, 3) of the whole cage."""
-    twin = np.arange(face.cage.size)
-    twin[: len(face.cage.twin)] = face.cage.twin
-    twin[face.cage.twin] = np.arange(len(face.cage.twin))
-    return whole[twin] * [-1, 1, 1]
+    return whole[face.cage.twins] * [-1, 1, 1]
 
 
 def mirror_of(name: str) -> str:

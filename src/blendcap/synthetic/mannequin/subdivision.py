@@ -32,6 +32,8 @@ class Surface:
         The given chains of cage points, refined.
     middles : {(int, int): int}
         The fine vertex in the middle of each edge of the cage, by its ends, lower first.
+    twins : (V,) int64
+        The mirror image of each fine vertex.
     """
 
     matrix: sparse.csr_matrix
@@ -39,6 +41,7 @@ class Surface:
     parents: np.ndarray
     chains: tuple[np.ndarray, ...]
     middles: dict[tuple[int, int], int]
+    twins: np.ndarray
 
     def cage_through(self, targets: np.ndarray) -> np.ndarray:
         """The cage (N, K) whose surface passes close to `targets` (N, K) at its own vertices (Richardson steps)."""
@@ -54,12 +57,21 @@ class Surface:
         flat = targets.reshape(len(targets), -1)
         return np.asarray(self.matrix @ self.cage_through(flat)).reshape(-1, *targets.shape[1:])
 
+    def reflected(self, vectors: np.ndarray) -> np.ndarray:
+        """The mirror image of vectors or positions (V, ..., 3)."""
+        return vectors[self.twins] * [-1.0, 1.0, 1.0]
+
+    def evened(self, vectors: np.ndarray) -> np.ndarray:
+        """Symmetric vectors (V, ..., 3) without the asymmetry that rounding left in them."""
+        return 0.5 * (vectors + self.reflected(vectors))
+
 
 def subdivide(
     count: int,
     quads: np.ndarray,
     sharpness: dict[tuple[int, int], float],
     corners: np.ndarray,
+    twins: np.ndarray,
     chains: Sequence[np.ndarray] = (),
     levels: int = 2,
 ) -> Surface:
@@ -73,6 +85,8 @@ def subdivide(
         Creased edges; an edge on the boundary is sharp in any case.
     corners : (K,) int64
         Points that do not move.
+    twins : (count,) int64
+        The mirror image of each point; the quads are mirror symmetric.
     chains : sequence of (K,) int64
         Runs of neighbouring points to follow through the levels.
     levels : int
@@ -81,11 +95,13 @@ def subdivide(
     parents = np.arange(len(quads))
     middles: dict[tuple[int, int], int] = {}
     for _ in range(levels):
-        step, quads, sharpness, edges = _level(count, quads, sharpness, corners)
+        step, finer, sharpness, edges = _level(count, quads, sharpness, corners)
+        twins = np.concatenate([twins, _twin_edges(edges, twins), len(edges) + count + _twin_quads(quads, twins)])
+        quads = finer
         middles = middles or edges
         chains = [_refined(chain, edges, count) for chain in chains]
         matrix, count, parents = step @ matrix, step.shape[0], np.repeat(parents, 4)
-    return Surface(matrix.tocsr(), quads, parents, tuple(chains), middles)
+    return Surface(matrix.tocsr(), quads, parents, tuple(chains), middles, twins)
 
 
 def _level(count: int, quads: np.ndarray, sharpness: dict, corners: np.ndarray):
@@ -151,3 +167,14 @@ def _refined(chain: np.ndarray, edges: dict[tuple[int, int], int], count: int) -
     for a, b in pairwise(chain):
         fine += [edges[(min(int(a), int(b)), max(int(a), int(b)))], int(b)]
     return np.array(fine)
+
+
+def _twin_edges(edges: dict[tuple[int, int], int], twins: np.ndarray) -> np.ndarray:
+    """The point on the mirror image of each edge."""
+    return np.array([edges[tuple(sorted((int(twins[a]), int(twins[b]))))] for a, b in edges])
+
+
+def _twin_quads(quads: np.ndarray, twins: np.ndarray) -> np.ndarray:
+    """The mirror image of each quad."""
+    place = {tuple(row): i for i, row in enumerate(np.sort(quads, axis=1).tolist())}
+    return np.array([place[tuple(row)] for row in np.sort(twins[quads], axis=1).tolist()])
