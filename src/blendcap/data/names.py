@@ -32,7 +32,7 @@ _OTHER = {"left": "right", "right": "left", "Left": "Right", "Right": "Left", "l
 
 
 def canonical(name: str) -> str:
-    """The camelCase spelling of a shape's name: `eyeBlink_L`, `EyeBlinkLeft` and `head:eyeBlinkLeft` are `eyeBlinkLeft`.
+    """The camelCase spelling of a shape's name: `eyeBlink_L` and `head:EyeBlinkLeft` are both `eyeBlinkLeft`.
 
     Namespaces (`head:`, `blendShape2.`) are dropped, the suffixes `_L`, `.R`, `_left` become words, and the first
     letter becomes small.

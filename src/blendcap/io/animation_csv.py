@@ -9,7 +9,7 @@ import numpy as np
 
 from blendcap.data import Animation, InputError, Rig
 from blendcap.io.opening import reading
-from blendcap.io.rates import rate_of_times
+from blendcap.io.rates import stated_rate
 from blendcap.io.tables import Table, read_table, write_table
 
 _INFLUENCE = ":influence"
@@ -40,16 +40,10 @@ def animation_of_table(table: Table) -> Animation:
         rated = [name for name in names if name + _INFLUENCE in curves]
         confidence[:, [names.index(name) for name in rated]] = table.numbers(n + _INFLUENCE for n in rated)
     times = None if time is None else table.numbers([time])[:, 0]
-    if times is not None and not np.isfinite(times).all():
-        row = int(np.argmin(np.isfinite(times)))
-        raise InputError(
-            f"Row {row + 1} after the header of {table.where} has no time; write it in, or drop the column."
-        )
-    if "rate" not in table.meta and times is None:
-        raise InputError(f"{table.where} has neither a rate nor a time column; add a line '# rate: 60' at its top.")
-    rate = _number(table.meta["rate"], table.where) if "rate" in table.meta else rate_of_times(times, table.where)
+    rate = stated_rate(table.meta.get("rate"), times, table.where)
+    times = np.arange(len(table.rows)) / rate if times is None else times
     notes = {key: value for key, value in table.meta.items() if key not in ("rate", "unit")}
-    return Animation(table.numbers(names), tuple(names), rate, confidence=confidence, times=times, meta=notes)
+    return Animation(table.numbers(names), tuple(names), rate, None, confidence, times, notes)
 
 
 def write_animation_csv(path: str | os.PathLike, animation: Animation, rig: Rig | None = None) -> None:
@@ -67,10 +61,3 @@ def write_animation_csv(path: str | os.PathLike, animation: Animation, rig: Rig 
             header.append(name + _INFLUENCE)
             columns.append(animation.confidence[:, i])
     write_table(path, meta, header, columns)
-
-
-def _number(text: str, where: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        raise InputError(f"{where} states the rate {text!r}; write a number of frames a second.") from None

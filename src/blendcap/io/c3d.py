@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import logging
 import os
+import re
 import struct
+import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,7 +19,9 @@ from blendcap.io.opening import read_bytes, reading
 from blendcap.io.units import millimetres
 
 _BLOCK = 512
+_INTEL, _DEC, _MIPS = 84, 85, 86
 _MOST_COUNTED = 65535  # the header counts frames in 16 bits
+_FRAMES = re.compile(rb"FRAMES..\x02\x00(..)", re.DOTALL)  # the integer parameter as it stands in the file
 _MODEL_OUTPUTS = ("ANGLES", "FORCES", "POWERS", "MOMENTS", "SCALARS")
 
 _log = logging.getLogger(__name__)
@@ -25,21 +29,20 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class _Header:
-    """The counts of a C3D header that say how large its data must be."""
+    """What a C3D says about its size, and how many frames the file has room for."""
 
     points: int
     analog: int
-    declared: int
-    start: int
-    bytes_per_frame: int
+    stated: tuple[int, ...]
+    offset: int
     available: int
     floats: bool
 
     @property
     def too_long(self) -> bool:
-        """More frames in the file than 16 bits can count: what is left of the last block is not a frame."""
-        spare = _BLOCK // max(self.bytes_per_frame, 1) + 1
-        return self.declared >= _MOST_COUNTED and self.available > self.declared + spare
+        """More frames in the file than 16 bits can count; what is left of the last block is no frame."""
+        spare = _BLOCK // max(_frame_bytes(self.points, self.analog, self.floats), 1)
+        return max(self.stated) >= _MOST_COUNTED and self.available > _MOST_COUNTED + spare
 
 
 def read_c3d(path: str | os.PathLike, unit: str | None = None) -> MarkerTake:
@@ -51,12 +54,12 @@ def read_c3d(path: str | os.PathLike, unit: str | None = None) -> MarkerTake:
     """
     path = Path(path)
     with reading(path, "C3D file"):
-        header = _read_header(path, read_bytes(path))
-        file = _open(path)
+        content = read_bytes(path)
+        header = _read_header(content)
+        file, positions, residuals = _long(path, content, header) if header.too_long else _short(path, header)
         point = file["parameters"]["POINT"]
-        labels = _labels(point, header.points)
-        positions, residuals = _samples(path, file, header)
-        keep = [i for i, label in enumerate(labels) if label not in _model_outputs(point)]
+        labels, outputs = _labels(point, positions.shape[1]), _model_outputs(point)
+        keep = [i for i, label in enumerate(labels) if label not in outputs]
         if not keep or not len(positions):
             raise InputError(f"{path} holds no markers or no frames; export the labelled take.")
         units = [u for u in _values(point, "UNITS") if u.strip()]
@@ -87,70 +90,76 @@ def write_c3d(path: str | os.PathLike, take: MarkerTake) -> None:
         file.write(str(temporary))
 
 
+def _read_header(content: bytes) -> _Header:
+    """The counts in the header and in POINT:FRAMES, against the size of the file.
+
+    C3D user guide, "The header section": 16-bit words; points and analog samples of a frame in words 2 and 3, first
+    and last frame in 4 and 5, the scale (negative for floats) in 7 and 8, the block where the data start in 9.
+    """
+    if len(content) < 2 * _BLOCK or content[1] != 0x50 or not content[0]:
+        raise InputError("it is no whole C3D file; check that it was copied completely.")
+    parameters = (content[0] - 1) * _BLOCK
+    processor = content[parameters + 3] if parameters + 3 < len(content) else 0
+    if processor not in (_INTEL, _DEC):
+        maker = "a MIPS (SGI) machine" if processor == _MIPS else "an unknown machine"
+        raise InputError(f"it is a C3D of {maker}; export it again as Intel C3D.")
+    points, analog, first, last = struct.unpack_from("<HHHH", content, 2)
+    (start,) = struct.unpack_from("<H", content, 16)
+    floats = bool(content[15 if processor == _INTEL else 13] & 0x80)  # DEC swaps the halves of a float
+    offset = max(start - 1, 0) * _BLOCK
+    available = max(len(content) - offset, 0) // max(_frame_bytes(points, analog, floats), 1)
+    found = _FRAMES.search(content, parameters, max(offset, parameters))
+    stated = (last - first + 1, *(struct.unpack("<H", found.group(1)) if found else ()))
+    return _Header(points, analog, stated, offset, available, floats and processor == _INTEL)
+
+
+def _frame_bytes(points: int, analog: int, floats: bool) -> int:
+    return (4 * points + analog) * (4 if floats else 2)
+
+
+def _short(path: Path, header: _Header) -> tuple[Any, np.ndarray, np.ndarray]:
+    """The file, its positions (T, M, 3) and residuals (T, M) in its own unit, as ezc3d reads them."""
+    file = _open(path)
+    positions = file["data"]["points"][:3].transpose(2, 1, 0)
+    if len(positions) < min(header.stated):  # ezc3d says nothing when a file ends early
+        _log.warning("%s states %d frames, but ends after %d: it was cut short, and is read as far as it goes.",
+                     path, min(header.stated), len(positions))  # fmt: skip
+    return file, positions, file["data"]["meta_points"]["residuals"][0].T
+
+
+def _long(path: Path, content: bytes, header: _Header) -> tuple[Any, np.ndarray, np.ndarray]:
+    """The same for a take that the header cannot count: ezc3d reads the parameters, the size counts the frames."""
+    if not header.floats:
+        raise InputError("it holds more than 65,535 frames that are not Intel floats; split it, or export it as such.")
+    _log.warning("%s holds %d frames, more than the 65,535 that its header can count; all are read.",
+                 path, header.available)  # fmt: skip
+    with tempfile.TemporaryDirectory() as folder:
+        beginning = Path(folder) / "beginning.c3d"
+        beginning.write_bytes(content[: header.offset])
+        file = _open(beginning)
+    width = 4 * header.points + header.analog
+    raw = np.frombuffer(content, "<f4", header.available * width, header.offset).reshape(-1, width)
+    samples = raw[:, : 4 * header.points].reshape(len(raw), header.points, 4).astype(np.float64)
+    return file, samples[..., :3], samples[..., 3]
+
+
 def _open(path: Path) -> Any:
     import ezc3d
 
     try:
         return ezc3d.c3d(str(path))
     except Exception as error:  # ezc3d raises many kinds for what it does not support
-        raise InputError(f"Cannot read {path}: ezc3d refuses it ({error}); export it again as Intel C3D.") from error
-
-
-def _read_header(path: Path, content: bytes) -> _Header:
-    """Check the size that the header declares against the file before anything is allocated.
-
-    C3D user guide, "The header section"; little-endian and real or integer data by the sign of the scale.
-    """
-    if len(content) < 2 * _BLOCK or content[1] != 0x50:
-        raise InputError(f"Cannot read {path}: it is no C3D file.")
-    parameters = (content[0] - 1) * _BLOCK
-    processor = content[parameters + 3] if parameters + 3 < len(content) else 0
-    if processor != 84:
-        maker = {85: "DEC", 86: "MIPS (SGI)"}.get(processor, "an unknown processor")
-        raise InputError(f"Cannot read {path}: it is a C3D of {maker}; export it again as Intel C3D.")
-    points, analog, first, last = struct.unpack_from("<HHHH", content, 2)
-    scale, start = struct.unpack_from("<fH", content, 12)
-    sample = 4 if scale < 0 else 2
-    size = (4 * points + analog) * sample
-    room = len(content) - (start - 1) * _BLOCK
-    declared, available = last - first + 1, max(room, 0) // max(size, 1)
-    if available < declared:
-        raise InputError(
-            f"Cannot read {path}: it declares {declared} frames and has room for {available}; it is cut short."
-        )
-    return _Header(points, analog, declared, start, size, available, scale < 0)
-
-
-def _samples(path: Path, file: Any, header: _Header) -> tuple[np.ndarray, np.ndarray]:
-    """Positions (T, M, 3) and residuals (T, M), in the unit of the file."""
-    if header.too_long:
-        _log.warning("%s holds %d frames, more than the 65,535 that its header can count; all are read.",
-                     path, header.available)  # fmt: skip
-        return _by_size(path, header)
-    positions = file["data"]["points"][:3].transpose(2, 1, 0)
-    return positions, file["data"]["meta_points"]["residuals"][0].T
-
-
-def _by_size(path: Path, header: _Header) -> tuple[np.ndarray, np.ndarray]:
-    if not header.floats:
-        raise InputError(
-            f"Cannot read {path}: it holds more than 65,535 frames of integers; split it, or export floats."
-        )
-    shape = (header.available, header.points * 4 + header.analog)
-    raw = np.memmap(path, "<f4", "r", offset=(header.start - 1) * _BLOCK, shape=shape)
-    points = raw[:, : 4 * header.points].reshape(len(raw), header.points, 4)
-    return np.array(points[..., :3], np.float64), np.array(points[..., 3], np.float64)
+        raise InputError(f"ezc3d refuses it ({str(error).split('.')[0]}); export it again as Intel C3D.") from error
 
 
 def _labels(point: Any, count: int) -> list[str]:
     """The names of the points: LABELS, LABELS2, ... hold 255 each; a point without a name gets its number."""
-    labels = list(_values(point, "LABELS"))
-    number = 2
+    labels, number = list(_values(point, "LABELS")), 2
     while f"LABELS{number}" in point:
         labels += list(_values(point, f"LABELS{number}"))
         number += 1
-    named = [label.strip() or f"unnamed{i}" for i, label in enumerate(labels[:count])]
-    return named + [f"unnamed{i}" for i in range(len(named), count)]
+    labels += [""] * (count - len(labels))
+    return [label.strip() or f"unnamed{i}" for i, label in enumerate(labels[:count])]
 
 
 def _model_outputs(point: Any) -> set[str]:
@@ -170,7 +179,5 @@ def _unique(labels: list[str]) -> list[str]:
         result.append(label if seen[label] == 1 else f"{label}#{seen[label]}")
     doubles = [label for label, times in seen.items() if times > 1]
     if doubles:
-        _log.warning(
-            "%d marker labels occur more than once and were numbered: %s.", len(doubles), ", ".join(doubles[:6])
-        )
+        _log.warning("%d marker labels occur more than once and were numbered: %s.", len(doubles), ", ".join(doubles))
     return result

@@ -42,10 +42,7 @@ def _is_place(place: Any) -> bool:
             and all(isinstance(w, int | float) and not isinstance(w, bool) for w in weights)
             and abs(sum(weights) - 1) < 1e-3
         )
-    if isinstance(place, str):
-        group, _, name = place.rpartition("/")
-        return bool(name) and bool(group)
-    return _is_index(place)
+    return bool(place) if isinstance(place, str) else _is_index(place)
 
 
 def _is_index(value: Any) -> bool:

@@ -96,7 +96,8 @@ def first_of(weld: np.ndarray) -> np.ndarray:
 
 
 def _add_mesh(surface: Surface, document: Document, mesh: dict[str, Any], matrix: np.ndarray) -> None:
-    extras = mesh.get("extras") if isinstance(mesh.get("extras"), dict) else {}
+    extras = mesh.get("extras", {})
+    extras = extras if isinstance(extras, dict) else {}
     surface.extras.append(extras)
     blocks: dict[str, tuple[int, int]] = {}  # primitives that differ only in material share their vertices
     for primitive in mesh["primitives"]:

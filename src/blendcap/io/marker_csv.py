@@ -8,7 +8,7 @@ import numpy as np
 
 from blendcap.data import InputError, MarkerTake
 from blendcap.io.opening import reading
-from blendcap.io.rates import rate_of_times
+from blendcap.io.rates import stated_rate
 from blendcap.io.tables import Table, read_table, write_table
 from blendcap.io.units import millimetres
 
@@ -36,15 +36,11 @@ def take_of_table(table: Table, unit: str | None = None) -> MarkerTake:
     unit = unit or table.meta.get("unit")
     if unit is None:
         raise InputError(f"{table.where} does not say its unit; add a line '# unit: mm' at its top.")
-    if "rate" in table.meta:
-        rate = table.meta["rate"]
-    elif "time" in table.header:
-        rate = rate_of_times(table.numbers(["time"])[:, 0], table.where)
-    else:
-        raise InputError(f"{table.where} has neither a rate nor a time column; add a line '# rate: 60' at its top.")
+    times = table.numbers(["time"])[:, 0] if "time" in table.header else None
+    rate = stated_rate(table.meta.get("rate"), times, table.where)
     cells = table.numbers(name + axis for name in names for axis in _AXES)
     positions = millimetres(unit, table.where) * cells.reshape(len(cells), len(names), 3)
-    return MarkerTake(positions, names, rate, timecode=table.meta.get("timecode"))  # pyright: ignore[reportArgumentType]
+    return MarkerTake(positions, names, rate, timecode=table.meta.get("timecode"))
 
 
 def write_marker_csv(path: str | os.PathLike, take: MarkerTake) -> None:

@@ -48,7 +48,7 @@ def write_npz(path: str | os.PathLike, meta: dict[str, Any], **arrays: np.ndarra
     """Write arrays (None: left out) and `meta` as a compressed archive."""
     kept = {name: values for name, values in arrays.items() if values is not None}
     with write_whole(path) as temporary, temporary.open("wb") as file:
-        np.savez_compressed(file, meta=np.array(json.dumps(meta)), **kept)
+        np.savez_compressed(file, meta=np.array(json.dumps(meta)), **kept)  # pyright: ignore[reportArgumentType]
 
 
 def _read_array(archive: zipfile.ZipFile, entry: zipfile.ZipInfo) -> np.ndarray:

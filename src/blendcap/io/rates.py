@@ -4,9 +4,21 @@ from __future__ import annotations
 
 import numpy as np
 
-from blendcap.data import InputError
+from blendcap.data import InputError, checks
 
 _COMMON = (23.976, 24, 25, 29.97, 30, 48, 50, 59.94, 60, 90, 100, 120, 200, 240)
+
+
+def stated_rate(text: str | None, times: np.ndarray | None, where: str) -> float:
+    """The rate (1/s) that a file states in words, else that of its times (T,); `where` names the file in errors."""
+    if times is not None and not np.isfinite(times).all():
+        row = int(np.argmin(np.isfinite(times)))
+        raise InputError(f"Row {row + 1} after the header of {where} has no time; write it in, or drop the column.")
+    if text is not None:
+        return checks.rate(text, f"The rate of {where}")  # pyright: ignore[reportArgumentType]
+    if times is None:
+        raise InputError(f"{where} has neither a rate nor a time column; add a line '# rate: 60' at its top.")
+    return rate_of_times(times, where)
 
 
 def rate_of_times(times: np.ndarray, where: str) -> float:

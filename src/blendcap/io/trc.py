@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import os
 from pathlib import Path
@@ -11,7 +12,10 @@ import numpy as np
 from blendcap.data import InputError, MarkerTake
 from blendcap.io.atomic import write_whole
 from blendcap.io.opening import read_text, reading
+from blendcap.io.rates import stated_rate
 from blendcap.io.units import millimetres
+
+_log = logging.getLogger(__name__)
 
 
 def read_trc(path: str | os.PathLike, unit: str | None = None) -> MarkerTake:
@@ -29,13 +33,15 @@ def read_trc(path: str | os.PathLike, unit: str | None = None) -> MarkerTake:
         data = [row for row in rows[4:] if row[0].isdigit()]
         if not data:
             raise InputError(f"{path} holds no frames; export it again.")
+        if int(facts.get("NumFrames", len(data))) != len(data):
+            _log.warning("%s states %s frames, but holds %d.", path, facts["NumFrames"], len(data))
         width = 2 + 3 * len(names)
         cells = [row[2:width] + [""] * (width - len(row)) for row in data]
         values = np.array([[_number(cell, path) for cell in row] for row in cells])
         positions = values.reshape(len(data), len(names), 3)
         positions[(positions == 0).all(2)] = np.nan
         scale = millimetres(unit or facts.get("Units", ""), str(path))
-        return MarkerTake(scale * positions, tuple(names), facts.get("DataRate", ""))  # pyright: ignore
+        return MarkerTake(scale * positions, tuple(names), stated_rate(facts.get("DataRate"), None, str(path)))
 
 
 def write_trc(path: str | os.PathLike, take: MarkerTake) -> None:
