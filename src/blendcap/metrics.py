@@ -6,13 +6,13 @@ vertices: with z the weights and G = D D', the mean squared error of a frame is 
 
 from __future__ import annotations
 
-import re
 from dataclasses import asdict, dataclass
 
 import numpy as np
 from scipy.signal import find_peaks
 
 from blendcap.data import Animation, InputError, Rig
+from blendcap.data.names import canonical
 
 ACTIVE = 0.02  # a weight above this counts as used
 BLINK_WIDTH = 0.5  # seconds, at half height; longer is a closed eye, not a blink
@@ -169,7 +169,7 @@ def _roughness(weights: np.ndarray) -> float:
 def _blink_gain(rig: Rig, true_rig: Rig, answered, true, rate: float) -> tuple[float, int]:
     gains, blinks = [], 0
     for name in rig.names:
-        if not re.fullmatch(r"eye_?blink_?(l|r|left|right)", name, flags=re.IGNORECASE) or name not in true_rig.names:
+        if canonical(name) not in ("eyeBlinkLeft", "eyeBlinkRight") or name not in true_rig.names:
             continue
         answered_travel, true_travel = _lid_travel(rig, name, rig, answered), _lid_travel(rig, name, true_rig, true)
         full = np.linalg.norm(_lid_direction(rig, name)[1])
@@ -189,7 +189,7 @@ def _lid_direction(rig: Rig, blink: str) -> tuple[np.ndarray, np.ndarray]:
     """Vertices of the lid that a blink shape moves most, and their mean motion (3,), mm."""
     delta = rig.deltas[rig.index(blink)]
     length = np.linalg.norm(delta, axis=1)
-    lid = np.flatnonzero(length > 0.5 * length.max())
+    lid = np.flatnonzero(length >= 0.5 * length.max())
     return lid, delta[lid].mean(0)
 
 

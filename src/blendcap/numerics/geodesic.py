@@ -107,6 +107,8 @@ def walk(mesh_vertices, faces, neighbors, *, face: int, barycentric, step) -> tu
     """
     vertices, faces = np.asarray(mesh_vertices, dtype=np.float64), np.asarray(faces)
     left = float(np.linalg.norm(step))
+    if left == 0:
+        return face, np.array(barycentric, dtype=np.float64)
     where = 0.9999 * np.asarray(barycentric, dtype=np.float64) + 0.0001 / 3  # a corner belongs to no single face
     corners = vertices[faces[face]]
     direction = _unit(step - _normal(corners) * (_normal(corners) @ step))

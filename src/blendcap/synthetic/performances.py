@@ -27,7 +27,6 @@ CLOSURES: tuple[tuple[str, Mapping[str, float]], ...] = (
 )
 NEEDS = {"mouthClose": ("jawOpen",), "tongueOut": ("jawOpen",)}  # make sense only together with these
 SYLLABLE = 0.21  # seconds
-SHARPNESS = 4  # of the smooth maximum of cues that meet: a maximum itself would leave corners
 RAMP, HOLD = 0.22, 0.10  # seconds: how the range of motion rises and rests
 
 
@@ -126,23 +125,23 @@ def _needs(rig: Rig, name: str) -> tuple[str, ...]:
 
 
 def _play(cues, names: Sequence[str], rate: float, seconds: float) -> Animation:
-    """Cues (name, start, end, level[, attack, release]) as minimum-jerk rises and falls; the largest leads."""
+    """Cues (name, start, end, level[, attack, release]) as minimum-jerk rises and falls; they join smoothly."""
     count = max(1, round(seconds * rate))
-    weights = np.zeros((count, len(names)))
+    room = np.ones((count, len(names)))  # what each cue leaves up to 1
     place = {name: i for i, name in enumerate(names)}
     for name, start, end, level, *ramps in cues:
         attack, release = ramps or (RAMP, RAMP)
         first, last = max(0, int(start * rate)), min(count, int(np.ceil(end * rate)) + 1)
         time = np.arange(first, last) / rate
         curve = level * _ease((time - start) / attack) * _ease((end - time) / release)
-        weights[first:last, place[name]] += curve**SHARPNESS
-    return Animation(np.minimum(weights ** (1 / SHARPNESS), 1.0), tuple(names), rate)
+        room[first:last, place[name]] *= 1 - curve
+    return Animation(1 - room, tuple(names), rate)
 
 
 def _ease(x: np.ndarray) -> np.ndarray:
     """From 0 to 1 with the least jerk (Flash and Hogan 1985, doi:10.1523/JNEUROSCI.05-07-01688.1985)."""
     x = np.clip(x, 0, 1)
-    return x**3 * (10 - 15 * x + 6 * x**2)
+    return np.minimum(x**3 * (10 - 15 * x + 6 * x**2), 1)
 
 
 def _talk(seconds: float, rng: np.random.Generator) -> list[tuple]:

@@ -8,8 +8,8 @@ import numpy as np
 
 from blendcap.data import Animation, InputError, Rig, SurfacePoints
 
-SHAPE_GAIN = 0.10  # standard deviation of the logarithm, at strength 1
-FIELD_GAIN = 0.12
+SHAPE_GAIN = 0.12  # standard deviation of the logarithm, at strength 1
+FIELD_GAIN = 0.10
 SIDES_ALIKE = 0.8  # correlation of the gains of a left and a right shape
 CORRECTIVES = 12
 CORRECTIVE_SIZE = (0.10, 0.25)  # of its smaller driver, at strength 1
