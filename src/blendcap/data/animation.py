@@ -24,7 +24,7 @@ class Animation:
     rate : float
         Frames a second.
     head : (T, 4, 4) float64, optional
-        Rigid motion from the rig's space to the capture's, mm.
+        Rigid motion of the head in the rig's space, from the neutral, mm.
     confidence : (T, N) float64, optional
         0 to 1.
     times : (T,) float64, optional

@@ -54,3 +54,7 @@ class Binding:
     def to_rig(self, positions: np.ndarray) -> np.ndarray:
         """Marker positions (..., 3) of the take in the rig's space, mm."""
         return self.scale * np.asarray(positions) @ self.rotation.T + self.translation
+
+    def to_take(self, positions: np.ndarray) -> np.ndarray:
+        """Positions (..., 3) of the rig's space in the take's, mm."""
+        return (np.asarray(positions) - self.translation) @ self.rotation / self.scale

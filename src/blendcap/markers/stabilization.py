@@ -51,7 +51,7 @@ def find_stable(take: MarkerTake) -> tuple[str, ...]:
 
 
 def stabilize(
-    take: MarkerTake, stable: Sequence[str] | None = None, *, frame: int = 0
+    take: MarkerTake, stable: Sequence[str] | None = None, *, rest: np.ndarray | None = None, frame: int = 0
 ) -> tuple[np.ndarray, MarkerTake]:
     """Take the rigid motion of the head out of a take.
 
@@ -65,8 +65,10 @@ def stabilize(
     take : MarkerTake
     stable : sequence of str, optional
         Markers that move with the skull; found if not given.
+    rest : (M, 3) float64, optional
+        All markers with the head at rest, mm; the take's own neutral if not given.
     frame : int
-        First frame of the neutral (see `neutral_frame`), where the head is at rest.
+        First frame of that neutral (see `neutral_frame`).
 
     Returns
     -------
@@ -80,7 +82,10 @@ def stabilize(
         If a stable marker is not in the take, or no frame sees three of them.
     """
     part = take.select(stable if stable is not None else find_stable(take))
-    rest = neutral_frame(part, frame)
+    if rest is None:
+        rest = neutral_frame(part, frame)
+    else:
+        rest = np.asarray(rest)[[take.names.index(name) for name in part.names]]
     rotations, translations = _poses(part.positions, rest)
     head = np.tile(np.eye(4), (len(take.positions), 1, 1))
     back = np.swapaxes(rotations, 1, 2)

@@ -21,8 +21,9 @@ HELMET_STEP = 0.02  # standard deviation of the helmet's step from frame to fram
 
 @dataclass(frozen=True, eq=False)
 class LearnedAnswer:
-    """Unknowns (T, N + K), energies by term (T,) in mm², the certificate and the prior that was learned."""
+    """The rows last solved, unknowns (T, N + K), energies by term (T,) in mm², certificate and the learned prior."""
 
+    rows: MarkerRows
     unknowns: np.ndarray
     energies: dict[str, np.ndarray]
     certificate: Certificate
@@ -84,7 +85,8 @@ def solve_learned(
         factors = step_weights(weights, prior)
         if relinearize is not None and k == passes - 2:
             rows = rows.with_targets(relinearize(unknowns))
-    return LearnedAnswer(unknowns, _energies(rows, unknowns, precision, coupling), certificate, prior)
+    assert unknowns is not None  # there is at least one pass
+    return LearnedAnswer(rows, unknowns, _energies(rows, unknowns, precision, coupling), certificate, prior)
 
 
 def _precision(prior: TakePrior, noise: float, size: int) -> np.ndarray:

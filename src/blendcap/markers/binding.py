@@ -1,0 +1,127 @@
+"""Attach the markers of a performer to a rig (2016 paper, section 6; thesis, section 4.1.2)."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from blendcap.data import Binding, InputError, MarkerTake, Rig, SurfacePoints
+from blendcap.markers.cleaning import neutral_frame
+from blendcap.markers.correspondences import resolve
+from blendcap.markers.neighbors import candidates
+from blendcap.markers.places import find_places
+from blendcap.markers.refinement import CLICK, FOUND, Places, algorithm_4, motion_places, surface_places
+from blendcap.markers.stabilization import stabilize
+
+log = logging.getLogger(__name__)
+
+METHODS = ("weighed", "paper", "given")
+TRIANGLES = 120  # Q: candidates of each marker
+FEWEST = 4  # markers
+
+
+def bind(
+    rig: Rig,
+    take: MarkerTake,
+    correspondences: Mapping[str, Any] | SurfacePoints | None = None,
+    range_of_motion: MarkerTake | None = None,
+    *,
+    method: str = "weighed",
+    radius: float = 8.0,
+    neutral: int = 0,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Binding:
+    """Attach the markers of a take to a rig.
+
+    Parameters
+    ----------
+    rig : Rig
+    take : MarkerTake
+        Begins with the neutral face, as in the paper, unless there is a range of motion.
+    correspondences : {label: place} or SurfacePoints, optional
+        Places on the rig for the markers, or for those that shall be used. If not given they are found: the neutral
+        markers are laid on the face from many starts. Look at the picture before you trust that.
+    range_of_motion : MarkerTake, optional
+        A take of the same markers that begins with the neutral and moves all of the face. Its neutral is used, and
+        the places are refined by how well the markers' motion fits.
+    method : {"weighed", "paper", "given"}
+        How places are refined within `radius` of where they were given. "weighed": place, neutral position and motion
+        count by how much each can tell. "paper": Algorithm 4. "given": not at all.
+    radius : float
+        How far a marker may move from its given place, mm along the surface; never across the mouth or a lid slit.
+    neutral : int
+        First frame of the neutral face.
+    progress : callable
+        Told what begins.
+
+    Returns
+    -------
+    Binding
+        `errors` holds the mean marker error over the range of motion after every pass, mm.
+
+    Raises
+    ------
+    InputError
+        If a label is unknown, a marker is missing throughout, fewer than four markers are left, or the method needs a
+        range of motion and there is none.
+    """
+    if method not in METHODS:
+        raise InputError(f"The binding method {method!r} is unknown; choose one of {', '.join(METHODS)}.")
+    if method == "paper" and range_of_motion is None:
+        raise InputError("The paper's binding needs a range-of-motion take; give one or use the method 'weighed'.")
+    source = range_of_motion if range_of_motion is not None else take
+    given = _given_places(rig, source, correspondences, progress)
+    given, source, rest = _at_rest(given, source, neutral)
+    progress("placing the markers on the skin")
+    places = Places(rig, given.names, candidates(rig.mesh, given, radius, TRIANGLES))
+    errors = np.array([])
+    if method == "paper":
+        points, alignment, errors = algorithm_4(places, given, source, rest)
+    else:
+        click = 0.0 if method == "given" else FOUND if correspondences is None else CLICK
+        points, alignment, deviation = surface_places(places, given, rest, click)
+        if range_of_motion is not None and click > 0:
+            progress("matching the markers' motion")
+            points, errors = motion_places(places, points, alignment, source, rest, deviation)
+    offsets = alignment(rest) - points.positions(rig.mesh)
+    return Binding(
+        points, alignment.rotation, alignment.translation, alignment.scale, offsets, errors, correspondences is None
+    )
+
+
+def _given_places(
+    rig: Rig, take: MarkerTake, correspondences: Mapping[str, Any] | SurfacePoints | None, progress
+) -> SurfacePoints:
+    if correspondences is None:
+        progress("finding the markers' places on the face")
+        return find_places(rig, take)
+    if isinstance(correspondences, SurfacePoints):
+        take.select(correspondences.names)  # says which label is unknown
+        return correspondences
+    given = resolve(rig, correspondences, take.names)
+    unused = [name for name in take.names if name not in given.names]
+    if unused:
+        log.warning("%d markers have no correspondence and are left out: %s", len(unused), ", ".join(unused[:6]))
+    return given
+
+
+def _at_rest(given: SurfacePoints, source: MarkerTake, neutral: int) -> tuple[SurfacePoints, MarkerTake, np.ndarray]:
+    """The places, the take without head motion and the neutral markers (M, 3), of the markers seen at rest."""
+    source = source.select(given.names)
+    lost = source.missing.all(0)
+    if lost.any():
+        name = source.names[int(lost.argmax())]
+        raise InputError(f"The marker {name!r} is missing in every frame; leave it out or repair the take.")
+    rest = neutral_frame(source, neutral)
+    seen = np.isfinite(rest[:, 0])
+    if not seen.all():
+        hidden = [name for name, there in zip(source.names, seen, strict=True) if not there]
+        log.warning("%d markers are not seen in the neutral and are left out: %s", len(hidden), ", ".join(hidden[:6]))
+    names = [name for name, there in zip(source.names, seen, strict=True) if there]
+    if len(names) < FEWEST:
+        raise InputError(f"Only {len(names)} markers can be placed; a binding needs at least {FEWEST}.")
+    _, still = stabilize(source.select(names), frame=neutral)
+    return given.select(names), still, rest[seen]

@@ -1,0 +1,216 @@
+"""From a marker take to an animation: the public marker solve."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from blendcap.data import Animation, Binding, Certificate, InputError, MarkerTake, Rig, Solution
+from blendcap.markers.cleaning import drop_spikes, fill_gaps
+from blendcap.markers.helmet import paper_columns, paper_motion, pivot, remove_motion, rigid_columns, rigid_motion
+from blendcap.markers.stabilization import stabilize
+from blendcap.solving.learned import solve_learned
+from blendcap.solving.live import solve_live
+from blendcap.solving.noise import VISIBLE, marker_noise, weight_errors
+from blendcap.solving.paper import solve_paper
+from blendcap.solving.prior import START_DEVIATION
+from blendcap.solving.rows import MarkerRows, marker_rows
+from blendcap.solving.settings import SolveSettings
+
+log = logging.getLogger(__name__)
+
+HEAD_MOVES = 3.0  # mm: markers that go farther than this as one body have a head that moves, not a helmet that slips
+NO_NOISE = 0.01  # mm: assumed where a take is too short or too gappy to tell
+
+
+@dataclass
+class _Clock:
+    """Seconds by step, and who is told."""
+
+    progress: Callable[[str], None]
+    seconds: dict[str, float] = field(default_factory=dict)
+    since: float = 0.0
+    step: str = ""
+
+    def begin(self, step: str, detail: str = "") -> None:
+        self.stop()
+        self.step, self.since = step, time.perf_counter()
+        self.progress(detail or step)
+
+    def stop(self) -> None:
+        if self.step:
+            self.seconds[self.step] = self.seconds.get(self.step, 0.0) + time.perf_counter() - self.since
+        self.step = ""
+
+
+def solve(
+    rig: Rig,
+    take: MarkerTake,
+    binding: Binding,
+    *,
+    settings: SolveSettings | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Solution:
+    """Weights of the rig's shapes for every frame of a marker take.
+
+    Parameters
+    ----------
+    rig : Rig
+    take : MarkerTake
+        Must hold every marker of the binding; others are ignored.
+    binding : Binding
+        From `bind`.
+    settings : SolveSettings, optional
+        Defaults to what we recommend.
+    progress : callable
+        Told what begins.
+
+    Returns
+    -------
+    Solution
+        With the certificate of the optimum, the residuals, the helmet's and the head's motion, and the shapes that
+        these markers cannot see.
+
+    Raises
+    ------
+    InputError
+        If a bound marker is not in the take or missing in every frame.
+    """
+    settings = settings or SolveSettings()
+    clock = _Clock(progress)
+    clock.begin("cleaning")
+    cleaned = _cleaned(take, binding, settings)
+    clock.begin("head motion")
+    surface, deltas = rig.sample(binding.points)
+    rest = surface + binding.offsets
+    head, still = _without_head(cleaned, rest, binding, settings)
+    positions = binding.to_rig(still.positions)
+    helmet = _helmet_columns(rest, settings.helmet)
+    rows = marker_rows(deltas, helmet, positions - rest, rig.bounds, 0.0 if settings.helmet == "paper" else -1.0)
+    noise = _noise(positions, settings)
+    clock.begin("solving")
+    rows, unknowns, energies, certificate = _solve(rig, rows, take.rate, noise, settings, positions, rest, clock)
+    clock.stop()
+    errors = weight_errors(deltas, helmet, noise, 1 - rows.missing.mean(0))
+    weights, motion = unknowns[:, : rows.shapes], _helmet_motion(unknowns[:, rows.shapes :], settings.helmet)
+    residuals = rows.errors(unknowns)
+    animation = Animation(
+        weights, rig.names, take.rate, head=head, confidence=np.tile(_confidence(errors), (len(weights), 1)),
+        meta={"rig": rig.name},
+    )  # fmt: skip
+    return Solution(
+        animation=animation,
+        residuals=residuals,
+        rms=_rms(residuals),
+        energies=energies,
+        certificate=certificate,
+        marker_names=binding.points.names,
+        helmet=motion,
+        unseen=_unseen(rig, errors),
+        targets=rest + np.where(rows.missing[..., None], np.nan, rows.targets) - _helmet_part(rows, unknowns),
+        fitted=rest + rows.predict(unknowns) - _helmet_part(rows, unknowns),
+        settings={**settings.as_text(), "noise (mm)": f"{noise:.3f}"},
+        seconds=clock.seconds,
+    )
+
+
+def _cleaned(take: MarkerTake, binding: Binding, settings: SolveSettings) -> MarkerTake:
+    lacking = [name for name in binding.points.names if name not in take.names]
+    if lacking:
+        raise InputError(
+            f"The take has no marker {lacking[0]!r}, which the binding uses; bind again without it or rename it."
+        )
+    part = take.select(binding.points.names)
+    lost = part.missing.all(0)
+    if lost.any():
+        name = part.names[int(lost.argmax())]
+        raise InputError(f"The marker {name!r} is missing in every frame; leave it out of the correspondences.")
+    return fill_gaps(drop_spikes(part), settings.longest_gap)
+
+
+def _without_head(
+    take: MarkerTake, rest: np.ndarray, binding: Binding, settings: SolveSettings
+) -> tuple[np.ndarray | None, MarkerTake]:
+    """Head motion (T, 4, 4) in the rig's space, or None, and the take without it."""
+    if settings.head == "keep" or len(take.names) < 4:
+        return None, take
+    head, still = stabilize(take, settings.stable or None, rest=binding.to_take(rest))
+    moved = np.linalg.norm(still.positions - take.positions, axis=2)
+    if settings.head == "auto" and not np.nanmax(moved, initial=0.0) > HEAD_MOVES:
+        return None, take
+    to_rig = np.eye(4)
+    to_rig[:3, :3], to_rig[:3, 3] = binding.scale * binding.rotation, binding.translation
+    return to_rig @ head @ np.linalg.inv(to_rig), still
+
+
+def _helmet_columns(rest: np.ndarray, kind: str) -> np.ndarray:
+    if kind == "none":
+        return np.empty((0, *rest.shape))
+    return paper_columns(rest) if kind == "paper" else rigid_columns(rest)
+
+
+def _helmet_motion(unknowns: np.ndarray, kind: str) -> np.ndarray | None:
+    if kind == "none":
+        return None
+    return paper_motion(unknowns) if kind == "paper" else rigid_motion(unknowns)
+
+
+def _helmet_part(rows: MarkerRows, unknowns: np.ndarray) -> np.ndarray:
+    """(T, M, 3) mm: what the helmet's motion, and not the face's, did to the markers."""
+    only = unknowns.copy()
+    only[:, : rows.shapes] = 0
+    return rows.predict(only)
+
+
+def _noise(positions: np.ndarray, settings: SolveSettings) -> float:
+    measured = settings.noise if settings.noise is not None else max(marker_noise(positions), NO_NOISE)
+    return float(np.hypot(measured, settings.model_error))
+
+
+def _solve(
+    rig: Rig, rows: MarkerRows, rate: float, noise: float, settings: SolveSettings, positions, rest, clock: _Clock
+) -> tuple[MarkerRows, np.ndarray, dict, Certificate]:
+    if settings.method == "paper":
+        return rows, *solve_paper(rows, settings.beta, settings.gamma, settings.coupling)
+    prior = {"symmetry": settings.symmetry, "smoothness": settings.smoothness}
+    if settings.method == "live":
+        return rows, *solve_live(rows, rig.mirror, rate, noise, **prior)
+
+    def relinearize(unknowns: np.ndarray) -> np.ndarray:
+        """Targets whose helmet rotation is exact: undone as a rotation, put back as the columns have it."""
+        motion = _helmet_motion(unknowns[:, rows.shapes :], settings.helmet)
+        assert motion is not None
+        return remove_motion(positions, motion, pivot(rest)) - rest + _helmet_part(rows, unknowns)
+
+    answer = solve_learned(
+        rows, rig.mirror, rate, noise, **prior, passes=settings.passes,
+        relinearize=None if settings.helmet == "none" else relinearize,
+        progress=lambda detail: clock.begin("solving", f"solving, {detail}"),
+    )  # fmt: skip
+    return answer.rows, answer.unknowns, answer.energies, answer.certificate
+
+
+def _confidence(errors: np.ndarray) -> np.ndarray:
+    """(N,) part of a weight's variance that the markers, and not the prior, decide: 1 is seen, 0 is not."""
+    return 1 / (1 + (errors / START_DEVIATION) ** 2)
+
+
+def _unseen(rig: Rig, errors: np.ndarray) -> dict[str, float]:
+    unseen = {name: float(error) for name, error in zip(rig.names, errors, strict=True) if error > VISIBLE}
+    if unseen:
+        log.warning(
+            "These markers cannot tell the weights of %d shapes; they are left to the prior: %s",
+            len(unseen), ", ".join(unseen),
+        )  # fmt: skip
+    return unseen
+
+
+def _rms(residuals: np.ndarray) -> np.ndarray:
+    """(T,) root mean square over the markers seen; NaN in a frame that sees none."""
+    seen = np.isfinite(residuals).sum(1)
+    squared = np.nansum(residuals**2, axis=1)
+    return np.sqrt(np.divide(squared, seen, out=np.full(len(seen), np.nan), where=seen > 0))
