@@ -92,7 +92,7 @@ def test_blink_gain_is_the_slope_and_noise_cannot_inflate_it(rig, truth):
         weights[:, lids] *= 0.6
 
     def shake(weights):
-        weights[:, lids] = 0.6 * weights[:, lids] + np.random.default_rng(0).normal(scale=0.15, size=(len(weights), 2))
+        weights[:, lids] = 0.6 * weights[:, lids] + np.random.default_rng(0).normal(scale=0.3, size=(len(weights), 2))
 
     assert evaluate(changed(truth, rig, damp), truth, rig).blink_gain == pytest.approx(0.6, abs=0.02)
     assert evaluate(changed(truth, rig, shake), truth, rig).blink_gain == pytest.approx(0.6, abs=0.1)
@@ -101,7 +101,7 @@ def test_blink_gain_is_the_slope_and_noise_cannot_inflate_it(rig, truth):
 def test_without_blinks_there_is_no_gain(rig, truth):
     def stare(weights):
         weights[:, rig.index("eyeBlinkLeft")] = weights[:, rig.index("eyeBlinkRight")] = 0
-        weights[200:, rig.index("eyeBlinkLeft")] = 1  # closed for long: no blink
+        weights[200:400, rig.index("eyeBlinkLeft")] = 1  # closed for long: no blink
 
     still = changed(truth, rig, stare)
     found = evaluate(still, still, rig)

@@ -110,6 +110,15 @@ def test_misplacement_has_the_length_that_was_asked_for(rig, points):
     assert np.abs(shift.mean((0, 1))).max() < 0.15  # no direction is favored
 
 
+def test_a_take_misplaces_its_markers(rig, performer, points, animation):
+    brief = Animation(animation.weights[:5], animation.names, 60)
+    truths = [make_take(performer, brief, points, seed=s, misplacement=2.0)[1] for s in range(10)]
+    apart = [truth.points.positions(rig.mesh) for truth in truths]
+    inner = np.abs(points.positions(rig.mesh)[:, :2]).max(1) < 50
+    shift = np.linalg.norm(apart - points.positions(rig.mesh), axis=2)[:, inner]
+    assert np.sqrt((shift**2).mean()) == pytest.approx(2.0, rel=0.2)
+
+
 def test_noise_and_gaps_are_as_stated(performer, points, animation):
     long = Animation(np.tile(animation.weights, (12, 1)), animation.names, 60)
     take, truth = make_take(performer, long, points, seed=2, noise=0.2, occlusion=0.05, neutral_frames=0)
