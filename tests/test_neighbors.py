@@ -4,8 +4,8 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from blendcap.data import Mesh, SurfacePoints
-from blendcap.markers.neighbors import candidates, project_on
+from blendcap.data import Mesh, Rig, SurfacePoints
+from blendcap.markers.neighbors import candidates, project_on, seamless
 
 
 @given(st.integers(0, 10_000), st.sampled_from([1.0, 0.05]))
@@ -88,3 +88,16 @@ def test_candidates_stop_at_the_radius_and_pad():
     assert (faces[len(found) :] == -1).all()
     centers = mesh.vertices[mesh.faces[found]].mean(1)
     assert np.linalg.norm(centers - mesh.vertices[0], axis=1).max() <= 1.5
+
+
+def test_seams_are_sewn_where_both_sides_move_alike_and_only_there():
+    mesh = slit_sheet()
+    twins = np.arange(231, len(mesh.vertices))
+    seam = Rig(mesh, np.zeros((1, len(mesh.vertices), 3)), ["still"])
+    opening = np.zeros((1, len(mesh.vertices), 3))
+    opening[0, twins[3:-3], 1] = 5
+    mouth = Rig(mesh, opening, ["jawOpen"])
+    assert not np.isin(twins, seamless(seam).faces).any()
+    assert np.isin(twins[3:-3], seamless(mouth).faces).all()
+    np.testing.assert_array_equal(seamless(mouth).vertices, mesh.vertices)
+    np.testing.assert_array_equal(mesh.vertices[seamless(seam).faces], mesh.vertices[mesh.faces])

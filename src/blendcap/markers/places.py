@@ -25,6 +25,7 @@ _FEWEST = 8  # markers; fewer fit a face almost anywhere
 _SIGMA = 2.0  # mm: how far a marker's distance from the skin may be trusted
 _SIZES = 0.08  # how much faces differ in size, as a standard deviation of its logarithm
 _SHIFT = 25.0  # mm: how far the middle of a marker set lies from the middle of the face's motion
+_HEIGHTS = (0.0, 35.0, -35.0)  # mm: where starts stand beside the middle, for sets on a part of the face
 _SLIDE = 0.1  # weight of a distance along the skin beside one across it
 _DIFFERENT = 15.0  # mm between two answers that are not the same one
 
@@ -105,15 +106,19 @@ def lay_on(skin: Skin, neutral: np.ndarray) -> list[Placement]:
     middle = neutral[seen].mean(0)
     cloud = neutral[seen] - middle
     rotations = Rotation.create_group("I").as_matrix()
-    state = (rotations, np.repeat(skin.middle[None], len(rotations), 0), np.zeros(len(rotations)))
+    offsets = np.array([[0, y, 0] for y in _HEIGHTS])
+    state = (
+        np.tile(rotations, (len(offsets), 1, 1)),
+        np.repeat(skin.middle + offsets, len(rotations), axis=0),
+        np.zeros(len(rotations) * len(offsets)),
+    )
     outward = _outward(cloud)
     width = 30.0
-    for rounds, survivors in ((15, 60), (30, 16)):
-        cost = _cost(skin, cloud, outward, state)
-        best = np.argsort(cost, kind="stable")[:survivors]
+    for layer, rounds, survivors in ((skin.thinned(4), 12, len(state[0])), (skin, 30, 16)):
+        best = np.argsort(_cost(layer, cloud, outward, state), kind="stable")[:survivors]
         state = tuple(part[best] for part in state)
         for _ in range(rounds):
-            state = _step(skin, cloud, state, width)
+            state = _step(layer, cloud, state, width)
             width = max(0.85 * width, 3.0)
     cost = _cost(skin, cloud, outward, state)
     answers: list[Placement] = []
@@ -142,15 +147,20 @@ def _step(skin: Skin, cloud, state, width: float):
     turns = np.cross(np.eye(3), arms[..., None, :])  # (S, M, 3 axes, 3)
     shifts = np.broadcast_to(np.eye(3), turns.shape)
     jacobian = np.concatenate([turns, shifts, arms[..., None, :]], axis=-2)
-    weighted = (trust[..., None, None] * jacobian) @ metric
-    matrix = np.einsum("smia,smja->sij", weighted, jacobian)
-    gradient = np.einsum("smia,sma->si", weighted, moved - skin.points[nearest])
+    weighted = _by_start((trust[..., None, None] * jacobian) @ metric)
+    matrix = weighted @ np.swapaxes(_by_start(jacobian), 1, 2)
+    gradient = (weighted @ (moved - skin.points[nearest]).reshape(len(size), -1, 1))[..., 0]
     hold = _SIGMA**2 * np.array([0, 0, 0, *[_SHIFT**-2] * 3, _SIZES**-2]) + 1e-6
     away = np.column_stack([np.zeros((len(size), 3)), translation - skin.middle, size])
     step = -np.linalg.solve(matrix + np.diag(hold), (gradient + hold * away)[..., None])[..., 0]
     step[:, :3] *= np.minimum(1, 0.3 / np.maximum(np.linalg.norm(step[:, :3], axis=1, keepdims=True), 1e-12))
     turned = Rotation.from_rotvec(step[:, :3]).as_matrix() @ rotation
     return turned, translation + step[:, 3:6], size + np.clip(step[:, 6], -0.1, 0.1)
+
+
+def _by_start(jacobian: np.ndarray) -> np.ndarray:
+    """(S, M, 7, 3) as (S, 7, 3 M)."""
+    return np.swapaxes(jacobian, 1, 2).reshape(len(jacobian), jacobian.shape[2], -1)
 
 
 def _meet(skin: Skin, cloud, state):
