@@ -23,12 +23,14 @@ PALETTE = {  # a word in the region's name, in the order of painting
 IRIS_ANGLE, PUPIL_ANGLE = 0.50, 0.20  # rad from the axis of the eye
 
 
-def default_colors(rig: Rig) -> np.ndarray:
-    """A color (V, 3), sRGB 0 to 1, for each vertex; NaN where nothing should be drawn.
+def default_colors(rig: Rig) -> np.ndarray | None:
+    """A color (V, 3), sRGB 0 to 1, for each vertex, NaN where nothing should be drawn; None if the rig has a texture.
 
     Skin where nothing else is known; teeth, tongue, lashes and the like by the names of the rig's regions. A region
     with "eye" in its name that is one or two globes gets an iris and a pupil that look forward.
     """
+    if rig.mesh.texture is not None:
+        return None
     colors = np.tile(SKIN, (len(rig.mesh.vertices), 1))
     for name, vertices in rig.regions.items():
         if "eye" in name.lower():

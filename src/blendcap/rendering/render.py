@@ -100,7 +100,7 @@ def _visible(mesh: Mesh, color) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarra
         hidden = np.broadcast_to(np.isnan(color).any(-1), len(mesh.vertices))
         keep = ~hidden[mesh.faces].any(1)
     faces = np.ascontiguousarray(mesh.faces[keep])
-    if color is not None or mesh.texture is None or mesh.uv is None:
+    if color is not None or mesh.texture is None or mesh.uv is None or mesh.uv_faces is None:
         return faces, (np.zeros((1, 1, 3), dtype=np.uint8), np.zeros((1, 2)), np.zeros((0, 3), dtype=np.int64))
     image = mesh.texture if mesh.texture.shape[2] >= 3 else np.repeat(mesh.texture[:, :, :1], 3, axis=2)
     return faces, (image, mesh.uv, np.ascontiguousarray(mesh.uv_faces[keep]))

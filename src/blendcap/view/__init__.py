@@ -1,1 +1,38 @@
-"""For people to look at: stills, previews, contact sheets, plots, heat maps and the report."""
+"""For people to look at: stills, previews, contact sheets, plots, heat maps and the report.
+
+The names load when first used: the command line asks for them only when it draws.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING
+
+_HOMES = {
+    "marker_heat": "heatmap",
+    "vertex_error": "heatmap",
+    "write_contact_sheet": "sheet",
+    "write_heatmap": "heatmap",
+    "write_plot": "style",
+    "write_preview": "preview",
+    "write_report": "report",
+    "write_still": "still",
+}
+
+__all__ = list(_HOMES)  # pyright: ignore[reportUnsupportedDunderAll]
+
+if TYPE_CHECKING:
+    from blendcap.view.heatmap import marker_heat as marker_heat
+    from blendcap.view.heatmap import vertex_error as vertex_error
+    from blendcap.view.heatmap import write_heatmap as write_heatmap
+    from blendcap.view.preview import write_preview as write_preview
+    from blendcap.view.report import write_report as write_report
+    from blendcap.view.sheet import write_contact_sheet as write_contact_sheet
+    from blendcap.view.still import write_still as write_still
+    from blendcap.view.style import write_plot as write_plot
+
+
+def __getattr__(name: str):
+    if name not in _HOMES:
+        raise AttributeError(f"module 'blendcap.view' has no attribute {name!r}")
+    return getattr(importlib.import_module(f"blendcap.view.{_HOMES[name]}"), name)

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from blendcap.data import Animation, Rig
+from blendcap.data import Animation, Camera, Rig
+from blendcap.rendering import face_camera
+
+VIEWS = (0.0, 0.62)  # yaw, rad: from the front, and three quarters from the subject's left
 
 
 def weights_on(rig: Rig, animation: Animation) -> np.ndarray:
@@ -28,3 +33,10 @@ def framed_vertices(rig: Rig) -> np.ndarray:
     heights = rig.mesh.vertices[moving, 1]
     lowest = min(heights.min(), float((heights + rig.deltas[:, moving, 1]).min()))
     return rig.mesh.vertices[rig.mesh.vertices[:, 1] >= lowest]
+
+
+def side_by_side(rig: Rig, size: tuple[int, int], yaws: Sequence[float]) -> list[tuple[Camera, tuple[int, int]]]:
+    """A camera and the size of its picture for each view of the face; together they are `size` (width, height)."""
+    framed, widths = framed_vertices(rig), np.diff(np.linspace(0, size[0], len(yaws) + 1).astype(int))
+    parts = [(int(width), size[1]) for width in widths]
+    return [(face_camera(framed, part, yaw), part) for part, yaw in zip(parts, yaws, strict=True)]

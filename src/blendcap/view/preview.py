@@ -8,13 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from blendcap.data import Animation, Camera, InputError, Rig
-from blendcap.rendering import default_colors, face_camera, prepare, project
+from blendcap.rendering import default_colors, prepare, project
 from blendcap.view.image import draw_dots, draw_lines, draw_text
-from blendcap.view.posing import framed_vertices, weights_on
+from blendcap.view.posing import VIEWS, side_by_side, weights_on
 from blendcap.view.video import write_video
 
 TARGET, FITTED, LINE = (214, 48, 49), (30, 96, 196), (70, 70, 78)
-VIEWS = (0.0, 0.62)  # yaw, rad
 
 
 def write_preview(
@@ -58,26 +57,30 @@ def write_preview(
 
 def _frames(rig, animation, size, yaws, targets, fitted, title, progress) -> Iterator[np.ndarray]:
     weights, colors = weights_on(rig, animation), default_colors(rig)
-    widths = np.diff(np.linspace(0, size[0], len(yaws) + 1).astype(int))
-    framed = framed_vertices(rig)
-    cameras = [face_camera(framed, (int(width), size[1]), yaw) for width, yaw in zip(widths, yaws, strict=True)]
+    views = side_by_side(rig, size, yaws)
     for t, row in enumerate(weights):
         surface = prepare(rig.mesh.with_vertices(rig.pose(row)), colors)
-        views = []
-        for width, camera in zip(widths, cameras, strict=True):
-            view = surface.picture(camera, (int(width), size[1]))
-            _mark(view, camera, targets if targets is None else targets[t], fitted if fitted is None else fitted[t])
-            views.append(view)
-        picture = np.hstack(views)
+        marked = [None if points is None else points[t] for points in (targets, fitted)]
+        parts = [surface.picture(camera, part) for camera, part in views]
+        for picture, (camera, _) in zip(parts, views, strict=True):
+            mark(picture, camera, *marked)
+        picture = np.hstack(parts)
         _caption(picture, title, f"{t + 1} / {len(weights)}    {animation.times[t]:.2f} s")
         yield picture
         if progress is not None:
             progress(t + 1, len(weights))
 
 
-def _mark(picture: np.ndarray, camera: Camera, targets: np.ndarray | None, fitted: np.ndarray | None) -> None:
-    """Draw the markers of one frame and their places on the face."""
-    radius = max(picture.shape[0] / 320, 1.2)
+def _caption(picture: np.ndarray, title: str, counter: str) -> None:
+    height, width = picture.shape[:2]
+    size, border = max(height // 42, 10), height // 36
+    draw_text(picture, title, (border, height - border), height=size, anchor="ls")
+    draw_text(picture, counter, (width - border, height - border), height=size, anchor="rs")
+
+
+def mark(picture: np.ndarray, camera: Camera, targets: np.ndarray | None, fitted: np.ndarray | None) -> None:
+    """Draw markers (M, 3), red, their places on the face (M, 3), blue, and lines between, mm, on a picture."""
+    radius = max(picture.shape[0] / 240, 1.5)
     places = {}
     for what, points in (("target", targets), ("fitted", fitted)):
         if points is not None:
@@ -88,10 +91,3 @@ def _mark(picture: np.ndarray, camera: Camera, targets: np.ndarray | None, fitte
         draw_dots(picture, places["fitted"], FITTED, radius)
     if "target" in places:
         draw_dots(picture, places["target"], TARGET, radius)
-
-
-def _caption(picture: np.ndarray, title: str, counter: str) -> None:
-    height, width = picture.shape[:2]
-    size, border = max(height // 42, 10), height // 36
-    draw_text(picture, title, (border, height - border), height=size, anchor="ls")
-    draw_text(picture, counter, (width - border, height - border), height=size, anchor="rs")

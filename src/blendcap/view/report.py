@@ -1,0 +1,170 @@
+"""A solve as one self-contained page: can it be trusted, where is it wrong, what was asked."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from blendcap.data import Binding, Rig, Solution
+from blendcap.io.atomic import write_whole
+from blendcap.view import page, plots
+from blendcap.view.concerns import concerns
+from blendcap.view.heatmap import heatmap, marker_heat
+from blendcap.view.posing import weights_on
+from blendcap.view.still import still
+from blendcap.view.style import inline_svg
+
+LARGEST_FILM = 8_000_000  # bytes; a larger one stays beside the page
+FILMS = {".mp4": "video/mp4", ".gif": "image/gif"}
+PICTURE = (1200, 640)
+
+
+def write_report(
+    path: str | Path,
+    rig: Rig,
+    solution: Solution,
+    *,
+    binding: Binding | None = None,
+    video: str | Path | None = None,
+    title: str = "",
+    next_steps: Sequence[str] = (),
+) -> None:
+    """Write a solve as one HTML page that asks nothing from outside.
+
+    Parameters
+    ----------
+    path : path
+        `.html`.
+    binding : Binding, optional
+        For its history and the heat map of the error.
+    video : path, optional
+        A preview (.mp4, .gif) to put into the page, if it has less than 8 MB.
+    title : str
+        The rig's name if not given.
+    next_steps : sequence of str
+        What the reader should open next.
+    """
+    animation = solution.animation
+    seconds = animation.times[-1] - animation.times[0] + 1 / animation.rate
+    lead = (
+        f"{len(animation.weights)} frames at {animation.rate:g} a second ({seconds:.1f} s), "
+        f"{len(solution.marker_names)} markers, {len(animation.names)} shapes"
+    )
+    sections = [
+        ("Summary", _summary(solution)),
+        ("Look twice", page.sentences(concerns(rig, solution, binding), "concerns")),
+        ("Preview", _film(video)),
+        ("Where the error sits", _pictures(rig, solution, binding)),
+        ("Over time", _curves(solution, binding)),
+        ("Shapes", page.figure(inline_svg(plots.plot_shapes(animation))) + _shapes_table(solution)),
+        ("Markers", page.figure(inline_svg(plots.plot_marker_errors(solution))) + _markers_table(solution)),
+        ("What was asked, and what it took", _settings(solution)),
+        ("What to open next", page.sentences(next_steps)),
+    ]
+    html = page.page(title or f"Solve on {rig.name}", lead, sections)
+    with write_whole(path) as temporary:
+        temporary.write_text(html, encoding="utf-8")
+
+
+def _summary(solution: Solution) -> str:
+    proof, rms = solution.certificate, solution.rms[np.isfinite(solution.rms)]
+    residuals = solution.residuals[np.isfinite(solution.residuals)]
+    per_marker, _ = plots.marker_errors(solution)
+    known = np.isfinite(per_marker)
+    worst = solution.marker_names[int(np.nanargmax(per_marker))] if known.any() else "none"
+    return page.cards(
+        [
+            ("marker RMS, mean over frames", _mm(rms.mean() if len(rms) else np.nan), ""),
+            (
+                "95 % of the markers are closer than",
+                _mm(np.percentile(residuals, 95) if len(residuals) else np.nan),
+                "",
+            ),
+            (f"worst marker: {worst}", _mm(per_marker[known].max() if known.any() else np.nan), ""),
+            ("of the markers were missing", f"{np.isnan(solution.residuals).mean():.1%}", ""),
+            ("from the exact optimum (KKT)", f"{proof.max_kkt:.1e}", "good" if proof.converged else "bad"),
+            (
+                "every frame at its optimum" if proof.converged else "not every frame at its optimum",
+                "proved" if proof.converged else "no",
+                "good" if proof.converged else "bad",
+            ),
+            ("to solve", f"{sum(solution.seconds.values()):.2f} s", ""),
+        ]
+    )
+
+
+def _film(video: str | Path | None) -> str:
+    if video is None:
+        return ""
+    path = Path(video)
+    kind = FILMS.get(path.suffix.lower())
+    if kind is None or not path.is_file() or path.stat().st_size > LARGEST_FILM:
+        return page.sentences([f"The film lies beside this page: {path.name}."])
+    return page.figure(page.film(path.read_bytes(), kind), path.name)
+
+
+def _pictures(rig: Rig, solution: Solution, binding: Binding | None) -> str:
+    html = ""
+    if binding is not None:
+        rms, _ = plots.marker_errors(solution)
+        points = binding.points.select(solution.marker_names)
+        picture = heatmap(rig, *marker_heat(rig, points, rms), size=PICTURE)
+        html += page.figure(page.image(picture, "heat map"), "RMS of the markers, spread along the surface.")
+    if solution.targets is not None and solution.fitted is not None and np.isfinite(solution.rms).any():
+        frame = int(np.nanargmax(solution.rms))
+        weights = weights_on(rig, solution.animation)[frame]
+        picture = still(rig, weights, size=PICTURE, targets=solution.targets[frame], fitted=solution.fitted[frame])
+        caption = f"The frame with the largest error, {frame}: markers red, their places on the face blue."
+        html += page.figure(page.image(picture, "worst frame"), caption)
+        html += page.figure(inline_svg(plots.plot_markers(rig, solution, frame)))
+    return html
+
+
+def _curves(solution: Solution, binding: Binding | None) -> str:
+    figures = [plots.plot_rms(solution), plots.plot_weight_sum(solution.animation)]
+    if solution.helmet is not None:
+        figures.append(plots.plot_helmet(solution))
+    if solution.animation.head is not None:
+        figures.append(plots.plot_head(solution.animation))
+    if binding is not None and len(binding.errors):
+        figures.append(plots.plot_convergence(binding))
+    return "".join(page.figure(inline_svg(figure)) for figure in figures)
+
+
+def _shapes_table(solution: Solution) -> str:
+    weights = np.nan_to_num(solution.animation.weights)
+    rows = []
+    for n in np.argsort(-weights.max(0), kind="stable"):
+        name, curve = solution.animation.names[n], weights[:, n]
+        error = solution.unseen.get(name)
+        sight = "seen" if error is None else f"unseen (±{error:.2f})"
+        rows.append([name, f"{curve.max():.2f}", f"{curve.mean():.3f}", f"{(curve > 0.02).mean():.0%}", sight])
+    return _folded("All shapes", page.table(["shape", "largest", "mean", "frames on", "by the markers"], rows))
+
+
+def _markers_table(solution: Solution) -> str:
+    rms, p95 = plots.marker_errors(solution)
+    missing = np.isnan(solution.residuals).mean(0)
+    largest = np.nan_to_num(solution.residuals, nan=-np.inf).max(0)
+    rows = [
+        [solution.marker_names[m], _mm(rms[m]), _mm(p95[m]), _mm(largest[m]), f"{missing[m]:.1%}"]
+        for m in np.argsort(-np.nan_to_num(rms), kind="stable")
+    ]
+    return _folded("All markers", page.table(["marker", "RMS", "95 %", "largest", "missing"], rows))
+
+
+def _settings(solution: Solution) -> str:
+    rows = [[str(key), str(value)] for key, value in solution.settings.items()]
+    rows += [[f"{step}, time", f"{seconds:.3f} s"] for step, seconds in solution.seconds.items()]
+    rows += [[f"{term}, mean cost", f"{np.nanmean(cost):.4g} mm²"] for term, cost in solution.energies.items()]
+    return page.table(["setting", "value"], rows) if rows else ""
+
+
+def _folded(name: str, html: str) -> str:
+    return f"<details><summary>{name}</summary>{html}</details>"
+
+
+def _mm(value) -> str:
+    return f"{value:.2f} mm" if np.isfinite(value) else "–"
