@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
-import re
-import struct
 import tempfile
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,34 +12,13 @@ import numpy as np
 
 from blendcap.data import InputError, MarkerTake
 from blendcap.io.atomic import write_whole
+from blendcap.io.c3d_structure import MOST_COUNTED, Header, check_structure
 from blendcap.io.opening import read_bytes, reading
 from blendcap.io.units import millimetres
 
-_BLOCK = 512
-_INTEL, _DEC, _MIPS = 84, 85, 86
-_MOST_COUNTED = 65535  # the header counts frames in 16 bits
-_FRAMES = re.compile(rb"FRAMES..\x02\x00(..)", re.DOTALL)  # the integer parameter as it stands in the file
 _MODEL_OUTPUTS = ("ANGLES", "FORCES", "POWERS", "MOMENTS", "SCALARS")
 
 _log = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True)
-class _Header:
-    """What a C3D says about its size, and how many frames the file has room for."""
-
-    points: int
-    analog: int
-    stated: tuple[int, ...]
-    offset: int
-    available: int
-    floats: bool
-
-    @property
-    def too_long(self) -> bool:
-        """More frames in the file than 16 bits can count; what is left of the last block is no frame."""
-        spare = _BLOCK // max(_frame_bytes(self.points, self.analog, self.floats), 1)
-        return max(self.stated) >= _MOST_COUNTED and self.available > _MOST_COUNTED + spare
 
 
 def read_c3d(path: str | os.PathLike, unit: str | None = None) -> MarkerTake:
@@ -55,7 +31,7 @@ def read_c3d(path: str | os.PathLike, unit: str | None = None) -> MarkerTake:
     path = Path(path)
     with reading(path, "C3D file"):
         content = read_bytes(path)
-        header = _read_header(content)
+        header = check_structure(content)
         file, positions, residuals = _long(path, content, header) if header.too_long else _short(path, header)
         point = file["parameters"]["POINT"]
         labels, outputs = _labels(point, positions.shape[1]), _model_outputs(point)
@@ -73,15 +49,19 @@ def read_c3d(path: str | os.PathLike, unit: str | None = None) -> MarkerTake:
 
 
 def write_c3d(path: str | os.PathLike, take: MarkerTake) -> None:
-    """Write a take as .c3d, mm; a missing marker is (0, 0, 0) with residual -1, as the format wants it."""
+    """Write a take as .c3d, mm; a missing marker is (0, 0, 0) with residual -1, as the format wants it.
+
+    The format keeps residuals in 127 steps of which the largest is the last.
+    """
     import ezc3d
 
-    if len(take.positions) > _MOST_COUNTED:
+    if len(take.positions) > MOST_COUNTED:
         _log.warning("%s holds %d frames; other programs may read only the 65,535 that a C3D header can count.",
                      path, len(take.positions))  # fmt: skip
-    residuals = np.zeros(take.missing.shape) if take.residuals is None else np.nan_to_num(take.residuals)
+    residuals, step = _in_steps(take)
     file: Any = ezc3d.c3d()
     point = file["parameters"]["POINT"]
+    point["SCALE"]["value"] = [-step]  # negative: the positions are floats
     point["UNITS"]["value"], point["RATE"]["value"], point["LABELS"]["value"] = ["mm"], [take.rate], list(take.names)
     positions = np.nan_to_num(take.positions).transpose(2, 1, 0)
     file["data"]["points"] = np.concatenate([positions, np.ones((1, *positions.shape[1:]))])
@@ -90,57 +70,40 @@ def write_c3d(path: str | os.PathLike, take: MarkerTake) -> None:
         file.write(str(temporary))
 
 
-def _read_header(content: bytes) -> _Header:
-    """The counts in the header and in POINT:FRAMES, against the size of the file.
-
-    C3D user guide, "The header section": 16-bit words; points and analog samples of a frame in words 2 and 3, first
-    and last frame in 4 and 5, the scale (negative for floats) in 7 and 8, the block where the data start in 9.
-    """
-    if len(content) < 2 * _BLOCK or content[1] != 0x50 or not content[0]:
-        raise InputError("it is no whole C3D file; check that it was copied completely.")
-    parameters = (content[0] - 1) * _BLOCK
-    processor = content[parameters + 3] if parameters + 3 < len(content) else 0
-    if processor not in (_INTEL, _DEC):
-        maker = "a MIPS (SGI) machine" if processor == _MIPS else "an unknown machine"
-        raise InputError(f"it is a C3D of {maker}; export it again as Intel C3D.")
-    points, analog, first, last = struct.unpack_from("<HHHH", content, 2)
-    (start,) = struct.unpack_from("<H", content, 16)
-    floats = bool(content[15 if processor == _INTEL else 13] & 0x80)  # DEC swaps the halves of a float
-    offset = max(start - 1, 0) * _BLOCK
-    available = max(len(content) - offset, 0) // max(_frame_bytes(points, analog, floats), 1)
-    found = _FRAMES.search(content, parameters, max(offset, parameters))
-    stated = (last - first + 1, *(struct.unpack("<H", found.group(1)) if found else ()))
-    return _Header(points, analog, stated, offset, available, floats and processor == _INTEL)
+def _in_steps(take: MarkerTake) -> tuple[np.ndarray, float]:
+    """Residuals (T, M) rounded to whole steps, a hair above so that cutting to integers keeps them; and the step."""
+    residuals = np.zeros(take.missing.shape) if take.residuals is None else np.nan_to_num(take.residuals)
+    step = float(residuals.max()) / 127 or 1.0
+    return np.minimum(np.round(residuals / step) + 1e-3, 127.0) * step, step
 
 
-def _frame_bytes(points: int, analog: int, floats: bool) -> int:
-    return (4 * points + analog) * (4 if floats else 2)
-
-
-def _short(path: Path, header: _Header) -> tuple[Any, np.ndarray, np.ndarray]:
+def _short(path: Path, header: Header) -> tuple[Any, np.ndarray, np.ndarray]:
     """The file, its positions (T, M, 3) and residuals (T, M) in its own unit, as ezc3d reads them."""
     file = _open(path)
     positions = file["data"]["points"][:3].transpose(2, 1, 0)
-    if len(positions) < min(header.stated):  # ezc3d says nothing when a file ends early
+    if len(positions) < header.stated:  # ezc3d says nothing when a file ends early
         _log.warning("%s states %d frames, but ends after %d: it was cut short, and is read as far as it goes.",
-                     path, min(header.stated), len(positions))  # fmt: skip
+                     path, header.stated, len(positions))  # fmt: skip
     return file, positions, file["data"]["meta_points"]["residuals"][0].T
 
 
-def _long(path: Path, content: bytes, header: _Header) -> tuple[Any, np.ndarray, np.ndarray]:
+def _long(path: Path, content: bytes, header: Header) -> tuple[Any, np.ndarray, np.ndarray]:
     """The same for a take that the header cannot count: ezc3d reads the parameters, the size counts the frames."""
     if not header.floats:
         raise InputError("it holds more than 65,535 frames that are not Intel floats; split it, or export it as such.")
-    _log.warning("%s holds %d frames, more than the 65,535 that its header can count; all are read.",
-                 path, header.available)  # fmt: skip
     with tempfile.TemporaryDirectory() as folder:
         beginning = Path(folder) / "beginning.c3d"
-        beginning.write_bytes(content[: header.offset])
+        beginning.write_bytes(content[: header.offset + 2 * header.frame_bytes])
         file = _open(beginning)
     width = 4 * header.points + header.analog
     raw = np.frombuffer(content, "<f4", header.available * width, header.offset).reshape(-1, width)
+    filled = np.flatnonzero(raw.any(1))  # the last block is padded with zeros
+    raw = raw[: filled[-1] + 1] if len(filled) else raw
+    _log.warning("%s holds %d frames, more than the 65,535 that its header can count; all are read.", path, len(raw))
     samples = raw[:, : 4 * header.points].reshape(len(raw), header.points, 4).astype(np.float64)
-    return file, samples[..., :3], samples[..., 3]
+    words = samples[..., 3].astype(np.int64)  # the residual is the upper byte, in steps of the scale
+    step = abs(float(_values(file["parameters"]["POINT"], "SCALE")[0]))
+    return file, samples[..., :3], np.where(words < 0, -1.0, (words >> 8) * step)
 
 
 def _open(path: Path) -> Any:

@@ -74,4 +74,5 @@ def reading(path: str | os.PathLike, kind: str) -> Iterator[None]:
     except MemoryError as error:
         raise InputError(f"Cannot read {path}: it declares more data than this machine can hold.") from error
     except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError, RecursionError, struct.error) as error:
-        raise InputError(f"Cannot read {path}: the {kind} is damaged ({error}); export it again.") from error
+        lacks = f"it lacks {error}" if isinstance(error, KeyError) else "something in it has not the expected form"
+        raise InputError(f"Cannot read {path}: the {kind} is damaged, {lacks}; export it again.") from error
