@@ -60,6 +60,8 @@ def test_nothing_is_extrapolated():
     assert fill_gaps(holed, longest=10).missing[[0, 1, 2, 57, 58, 59], 0].all()
     never = without(moving(), slice(None))
     assert fill_gaps(never).missing[:, 0].all()
+    once = without(moving(), np.arange(60) != 30)
+    assert fill_gaps(once, longest=10).missing[:, 0].sum() == 59
 
 
 @given(st.lists(st.booleans(), min_size=12, max_size=40), st.integers(0, 6), st.integers(0, 99))

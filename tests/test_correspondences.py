@@ -45,7 +45,7 @@ def test_every_kind_of_place(rig):
         ({"Chin": {"face": 2, "barycentric": [1, 0, 0]}}, "face from 0 to 1"),
         ({"Chin": {"barycentric": [1, 0, 0]}}, "face from 0 to 1"),
         ({"Chin": {"face": 0, "barycentric": [1, 0]}}, "three barycentric"),
-        ({"Chin": {"face": 0, "barycentric": [1, 1, 0]}}, "sum to 1"),
+        ({"Chin": {"face": 0, "barycentric": [1, 1, 0]}}, "three barycentric"),
         ({"Chin": {"face": 0, "barycentric": [2, -1, 0]}}, "three barycentric"),
         ({"Chin": {"face": 0, "barycentric": ["a", "b", "c"]}}, "three barycentric"),
         ({"Chin": {"face": 0, "barycentric": [np.nan, 0, 1]}}, "three barycentric"),

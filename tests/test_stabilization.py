@@ -56,6 +56,15 @@ def test_known_motion_is_removed_exactly(stable):
     np.testing.assert_array_equal(head[:, 3], np.tile([0, 0, 0, 1], (FRAMES, 1)))
 
 
+def test_a_take_that_starts_elsewhere_comes_back_to_a_given_rest():
+    rotation, translation = head_motion()
+    volume = np.array([40.0, -30, 900])
+    lifted = apply(face()[100:], rotation[100:], translation[100:] + volume)
+    head, still = stabilize(as_take(lifted), rest=face()[0])
+    np.testing.assert_allclose(still.positions, face()[100:], atol=1e-6)
+    np.testing.assert_allclose(head[:, :3, :3], rotation[100:], atol=1e-8)
+
+
 def test_noise_is_not_amplified():
     noisy = face(noise=0.2)
     _, still = stabilize(as_take(apply(noisy, *head_motion())), NAMES[:STILL])
