@@ -1,7 +1,7 @@
 """Texture coordinates: one chart for the skin, cut along the back midline, and a small one for every hidden piece.
 
-The skin is rolled off a vertical cylinder, the face finer than the rest, and smoothed where that folds. What lies inside
-(mouth, sockets, nostrils), the auricle and the parts have charts of their own, which left and right share.
+The skin is rolled off a vertical cylinder, the face finer than the rest, and smoothed where that folds. What lies
+inside (mouth, sockets, nostrils), the auricle and the parts have charts of their own, which left and right share.
 """
 
 from __future__ import annotations
@@ -148,8 +148,8 @@ def _unfolded(rolled: np.ndarray, quads: np.ndarray, rounds: int = 3) -> np.ndar
         bad = np.zeros(count)
         bad[quads[area <= 0]] = 1
         for _ in range(3):
-            bad = np.maximum(bad, near @ bad > 0)
+            bad = np.maximum(bad, (near @ bad > 0) * 1.0)
         hold = np.where(bad > 0, 0.4 * hold, hold)
         system = sparse.diags(degree + hold) - near
-        flat = spsolve(system.tocsc(), hold[:, None] * rolled)
+        flat = np.asarray(spsolve(sparse.csc_matrix(system), hold[:, None] * rolled))
     return flat

@@ -70,7 +70,7 @@ def _look_of(identity: int | str | Mapping[str, float]) -> Look:
     """Seeds take turns with the looks; measures alone say nothing about color."""
     if isinstance(identity, str):
         return LOOKS[identity]
-    return list(LOOKS.values())[identity % len(LOOKS)] if isinstance(identity, Integral) else Look()
+    return tuple(LOOKS.values())[int(identity) % len(LOOKS)] if isinstance(identity, Integral) else Look()
 
 
 def _mesh(head: Shared, face: Face, parts: list[Part], look: Look) -> Mesh:

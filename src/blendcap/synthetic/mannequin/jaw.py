@@ -54,12 +54,13 @@ def jaw_open(face: Face) -> np.ndarray:
 
 def jaw_forward(face: Face) -> np.ndarray:
     """The jaw comes forward."""
-    return push(jaw_weights(face), (0, -SINK, FORWARD))
+    return face.sealed(push(jaw_weights(face), (0, -SINK, FORWARD)))
 
 
 def jaw_aside(face: Face) -> np.ndarray:
     """The jaw goes to the subject's left; of the whole cage (N, 3), as it has no mirror symmetry."""
-    return push(face.cage.mirrored(jaw_weights(face), vectors=False), (SIDEWAYS, 0, 0))
+    weights = face.sealed(push(jaw_weights(face), (1, 1, 1)))[:, 0]
+    return push(face.cage.mirrored(weights, vectors=False), (SIDEWAYS, 0, 0))
 
 
 def mouth_close(face: Face) -> np.ndarray:

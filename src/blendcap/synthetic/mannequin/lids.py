@@ -12,7 +12,7 @@ from blendcap.synthetic.mannequin.cage import ring
 from blendcap.synthetic.mannequin.face import Face, push
 from blendcap.synthetic.mannequin.identity import GLOBE_RADIUS
 
-CLEARANCE = 0.75  # of the lid margin's control points above the eyeball, mm
+CLEARANCE = 0.9  # of the lid margin's control points above the eyeball, mm
 MEETING = 0.22  # the lids meet this far up from the lower lid
 
 

@@ -26,14 +26,15 @@ def smile(face: Face) -> np.ndarray:
     """The corner goes up, out and back; the cheek rises before it and the nasolabial fold deepens between them."""
     x = face.points[:, 0]
     lip = _lips(face) * smoothstep(2, 22, x) ** 1.5 * smoothstep(4, 16, x)
-    cheek = face.near((40, -32, 84), (15, 13, 18)) * ~face.mouth
+    cheek = face.near((40, -32, 84), (15, 13, 18)) * ~(face.mouth | face.on_globe)
     return face.sealed(
         push(_corner(face), (7.5, 7.8, -4.5))
         + push(0.35 * lip, (0, 1.2, -0.6))
         + push(cheek, (2.0, 4.2, 2.6))
         + push(face.near("Q10", (11, 10, 14)), (1.0, 1.4, 1.2))
-        + push(face.weights({"fold.4": 1}), (0.4, 1.2, 0.2))
-        + push(face.near("crease.9", (12, 4, 9)), (0, 1.0, 0.4))
+        + push(face.weights({"Q10": 1, "P10": 0.5}), (-0.5, 1.5, 2.2))
+        + push(face.weights({"fold.3": 0.9, "fold.4": 1, "fold.5": 0.4}), (0.4, 1.2, -1.8))
+        + push(face.near("crease.9", (12, 4, 9)) * ~face.on_globe, (0, 1.0, 0.4))
     )
 
 
@@ -111,24 +112,24 @@ def _rolled(face: Face, side: np.ndarray, direction) -> np.ndarray:
 
 def roll_upper(face: Face) -> np.ndarray:
     """The upper lip rolls in over the teeth."""
-    return _rolled(face, face.upper, (0, -1.8, -4.2))
+    return face.sealed(_rolled(face, face.upper, (0, -1.8, -4.2)))
 
 
 def roll_lower(face: Face) -> np.ndarray:
     """The lower lip rolls in over the teeth."""
-    return _rolled(face, face.lower, (0, 2.0, -4.4))
+    return face.sealed(_rolled(face, face.lower, (0, 2.0, -4.4)))
 
 
 def shrug_upper(face: Face) -> np.ndarray:
-    """The upper lip goes up and forward."""
-    return push(_lips(face) * face.upper, (0, 3.2, 1.8))
+    """The upper lip goes up and forward, the lower lip after it."""
+    return face.sealed(push(_lips(face) * (face.upper + 0.6 * face.lower), (0, 3.2, 1.8)))
 
 
 def shrug_lower(face: Face) -> np.ndarray:
-    """The chin pushes the lower lip up and forward."""
-    lip = _lips(face) * face.lower * (0.5 + 0.5 * smoothstep(26, 10, face.points[:, 0]))
+    """The chin pushes the lower lip up and forward, and the upper lip before it."""
+    lip = _lips(face) * (face.lower + 0.6 * face.upper) * (0.5 + 0.5 * smoothstep(26, 10, face.points[:, 0]))
     chin = np.maximum(face.near("M68", (22, 12, 20)) * ~face.mouth, 0.9 * (face.ring == "fold") * face.lower)
-    return push(lip, (0, 4.0, 2.2)) + push(chin, (0, 4.0, 1.0))
+    return face.sealed(push(lip, (0, 4.0, 2.2)) + push(chin, (0, 4.0, 1.0)))
 
 
 def tongue_passes(face: Face) -> np.ndarray:

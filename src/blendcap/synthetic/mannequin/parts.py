@@ -118,21 +118,17 @@ def _eye_chart(directions: np.ndarray, quads: np.ndarray) -> np.ndarray:
     """The front and the sides on a disc by their angle from the gaze; the back in a corner of the square."""
     angle = np.arccos(np.clip(directions[:, 2], -1, 1))
     around = directions[:, :2] / np.maximum(np.linalg.norm(directions[:, :2], axis=1, keepdims=True), 1e-9)
-    back = (directions[quads].mean(1) * [1, 1, -1]).argmax(1) == 2
-    disc, corner = _flat(around * (angle / (0.75 * np.pi))[:, None], quads), 0.07 + 0.1 * directions[quads][:, :, :2]
+    facing = directions[quads].mean(1)
+    back = (np.abs(facing).argmax(1) == 2) & (facing[:, 2] < 0)
+    disc, corner = _flat(around * (angle / (0.75 * np.pi))[:, None], quads), 0.075 + 0.095 * directions[quads][:, :, :2]
     return np.where(back[:, None, None], corner, disc)
 
 
 def _caruncle(person: Person) -> Part:
     """The pink corner that fills the inner canthus."""
     directions, quads = ball(5)
-    return Part(
-        "caruncle",
-        directions * [4.4, 4.2, 4.0] + person.globe + [-12.7, -1.2, 5.4],
-        quads,
-        directions,
-        _flat(directions[:, :2], quads),
-    )
+    place = directions * [4.4, 4.2, 4.0] + person.globe + [-12.7, -1.2, 5.4]
+    return Part("caruncle", place, quads, directions, _flat(directions[:, :2], quads))
 
 
 def _tongue(person: Person) -> Part:
@@ -140,9 +136,8 @@ def _tongue(person: Person) -> Part:
     shape = directions * [21, 9, 29]
     shape[:, 1] -= 1.8 * np.exp(-((shape[:, 0] / 4) ** 2)) * (shape[:, 1] > 0)
     shape[:, 1] *= 1 - 0.45 * smoothstep(5, 28, shape[:, 2])
-    return Part(
-        "tongue", person.moved(shape + np.array([0, -75, 60.5])), quads, directions, _flat(directions[:, [0, 2]], quads)
-    )
+    place = person.moved(shape + np.array([0, -75, 60.5]))
+    return Part("tongue", place, quads, directions, _flat(directions[:, [0, 2]], quads))
 
 
 def _stuck_out(vertices: np.ndarray) -> np.ndarray:
@@ -157,7 +152,7 @@ def _teeth(person: Person, *, upper: bool) -> Part:
     columns = 113
     turn = np.linspace(-1, 1, columns) * np.pi / 2 * 0.93
     size = 1.0 if upper else 0.9
-    x, z = size * 26.5 * np.sin(turn), 53 + (1.0 if upper else 0.95) * 39.0 * np.cos(turn) - (0 if upper else 1.5)
+    x, z = size * 26.5 * np.sin(turn), 53 + (42.5 if upper else 40.0) * np.cos(turn) - (0 if upper else 1.5)
     along = np.concatenate([[0], np.cumsum(np.hypot(np.diff(x), np.diff(z)))])
     along -= along[columns // 2]
     borders = np.cumsum((0, *(CROWNS if upper else LOWER_CROWNS)))
@@ -165,7 +160,7 @@ def _teeth(person: Person, *, upper: bool) -> Part:
     outward = np.stack([-np.gradient(z, along), 0 * x, np.gradient(x, along)], 1)
     gum, edge = (-56.5, -67.0) if upper else (-75.5, -66.0)
     rows, local = [], []
-    for height, depth in ((0, -0.9), (0.3, 0.25), (0.8, 0.4), (1.0, -0.6), (1.0, -2.2), (0.3, -5)):
+    for height, depth in ((0, -0.9), (0.3, 0.25), (0.8, 0.4), (1.0, -0.6), (1.0, -2.2), (0.0, -6.0)):
         rounded = gap * (1.2 if upper else -1.2) * (height > 0.7)
         rise = 0.0035 * x**2 * (1 if upper else 0.6)
         y = gum + height * (edge + rise + rounded - gum)

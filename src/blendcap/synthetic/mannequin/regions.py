@@ -23,6 +23,7 @@ _POINTS = {
     "mouth": "bag.* mi mc",
     "scalp": "c4 d0 d2 d3 d4 R5 R6 R7 S5 S6 S7 U0 U2 U3 U4 U5 U6 U7 V3 V4 V5 V6 V7",
 }
+_PULL = {"sockets": 8.0}  # what dives under the lids is no lid
 UPPER = ("forehead", "glabella", "brows", "lids")
 LOWER = ("nose", "cheeks", "lips", "jaw")
 
@@ -31,13 +32,13 @@ def skin_regions(cage: Cage, surface: Surface) -> dict[str, np.ndarray]:
     """Vertices of each region of the skin, and of the upper and the lower face; every vertex is in one region."""
     known = set(cage.names)
     share = np.zeros((len(_POINTS), cage.size))
-    for row, text in enumerate(_POINTS.values()):
+    for row, (region, text) in enumerate(_POINTS.items()):
         words = text.split()
         names = [w for w in words if w in known] + [
             name for w in words if w.endswith(".*") for name in cage.names if name.startswith(w[:-1])
         ]
         left = cage.index(names)
-        share[row, left] = share[row, cage.twin[left]] = 1
+        share[row, left] = share[row, cage.twin[left]] = _PULL.get(region, 1.0)
     owner = (surface.matrix @ share.T).argmax(1)
     regions = {name: np.flatnonzero(owner == row) for row, name in enumerate(_POINTS)}
     regions["upper"] = np.sort(np.concatenate([regions[name] for name in UPPER]))

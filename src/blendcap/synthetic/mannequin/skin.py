@@ -1,7 +1,8 @@
 """Paint: the color of skin, lips, brows, hair, eyes, teeth as functions of place, baked into one texture.
 
-Colors are functions of the rest position on the plain person and of scalar fields on the cage (lip, lash line, wet rim, mouth,
-nostril, auricle), so they ride along with every identity and shape. Fields are thresholded per texel: borders stay crisp.
+Colors are functions of the rest position on the plain person and of scalar fields on the cage (lip, lash line, wet rim,
+mouth, nostril, auricle), so they ride along with every identity and shape. Fields are thresholded per texel: borders
+stay crisp.
 """
 
 from __future__ import annotations
@@ -33,13 +34,13 @@ LOOKS = {
     "rosa": Look((0.60, 0.37, 0.28), (0.45, 0.18, 0.16), (0.16, 0.075, 0.035), (0.16, 0.22, 0.12)),
     "mei": Look((0.60, 0.41, 0.28), (0.46, 0.18, 0.15), (0.025, 0.018, 0.016), (0.08, 0.045, 0.025)),
 }
-_FIELDS = (  # ring weights; the lash line only between the canthi
+_FIELDS: tuple[dict[str, float], ...] = (  # ring weights; the lash line only between the canthi
     {"inner": 1.0, "seam": 1.0, "crest": 1.0, "border": 0.5},
     {"margin": 1.0, "edge": 0.5},
     {"sock": 1.0, "margin": 0.8},
     {"inner": 1.0, "bag": 1.3, "mi": 1.3, "mc": 1.3, "seam": 0.1},
     {"vestibule": 1.0},
-    dict.fromkeys(EAR_RINGS, 1.0),
+    {name: 1.0 for name in EAR_RINGS},
 )
 LIP, LASH, WET, MOUTH, NOSTRIL, EAR = range(6)
 

@@ -26,8 +26,7 @@ class Surface:
     matrix : (V, N) sparse
         Takes values at the cage's points to the fine vertices; cage point i is fine vertex i.
     quads : (Q, 4) int64
-    parents : (Q,) int64
-        The cage quad that each fine quad lies in.
+        The children of a cage quad stand together, in the order of the cage's quads.
     chains : tuple of (K,) int64
         The given chains of cage points, refined.
     middles : {(int, int): int}
@@ -38,7 +37,6 @@ class Surface:
 
     matrix: sparse.csr_matrix
     quads: np.ndarray
-    parents: np.ndarray
     chains: tuple[np.ndarray, ...]
     middles: dict[tuple[int, int], int]
     twins: np.ndarray
@@ -91,17 +89,17 @@ def subdivide(
         Runs of neighbouring points to follow through the levels.
     levels : int
     """
-    matrix = sparse.identity(count, format="csr")
-    parents = np.arange(len(quads))
+    matrix = sparse.csr_matrix(sparse.identity(count))
     middles: dict[tuple[int, int], int] = {}
     for _ in range(levels):
         step, finer, sharpness, edges = _level(count, quads, sharpness, corners)
         twins = np.concatenate([twins, _twin_edges(edges, twins), len(edges) + count + _twin_quads(quads, twins)])
         quads = finer
         middles = middles or edges
-        chains = [_refined(chain, edges, count) for chain in chains]
-        matrix, count, parents = step @ matrix, step.shape[0], np.repeat(parents, 4)
-    return Surface(matrix.tocsr(), quads, parents, tuple(chains), middles, twins)
+        chains = [_refined(chain, edges) for chain in chains]
+        matrix = sparse.csr_matrix(step @ matrix)
+        count = len(twins)
+    return Surface(matrix, quads, tuple(chains), middles, twins)
 
 
 def _level(count: int, quads: np.ndarray, sharpness: dict, corners: np.ndarray):
@@ -161,17 +159,21 @@ def _incidence(members: np.ndarray, count: int) -> sparse.csr_matrix:
     return sparse.csr_matrix((ones, (rows, members.ravel())), shape=(len(members), count))
 
 
-def _refined(chain: np.ndarray, edges: dict[tuple[int, int], int], count: int) -> np.ndarray:
+def _refined(chain: np.ndarray, edges: dict[tuple[int, int], int]) -> np.ndarray:
     """A chain with the new point of each of its edges between the ends."""
     fine = [int(chain[0])]
     for a, b in pairwise(chain):
-        fine += [edges[(min(int(a), int(b)), max(int(a), int(b)))], int(b)]
+        fine += [edges[_edge(int(a), int(b))], int(b)]
     return np.array(fine)
+
+
+def _edge(a: int, b: int) -> tuple[int, int]:
+    return (a, b) if a < b else (b, a)
 
 
 def _twin_edges(edges: dict[tuple[int, int], int], twins: np.ndarray) -> np.ndarray:
     """The point on the mirror image of each edge."""
-    return np.array([edges[tuple(sorted((int(twins[a]), int(twins[b]))))] for a, b in edges])
+    return np.array([edges[_edge(int(twins[a]), int(twins[b]))] for a, b in edges])
 
 
 def _twin_quads(quads: np.ndarray, twins: np.ndarray) -> np.ndarray:

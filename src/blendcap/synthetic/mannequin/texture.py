@@ -1,11 +1,12 @@
-"""Bake the paint of skin and parts into one picture. Left and right share it, so only one half of the skin is painted."""
+"""Bake the paint of skin and parts into one picture. Left and right mirror, so only half of the skin is painted."""
 
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
+from scipy.ndimage import distance_transform_edt
 
 from blendcap.data import Camera, triangulate
 from blendcap.rendering.rasterize import rasterize
@@ -28,7 +29,7 @@ class _Texels(NamedTuple):
     """The texels of one piece: which they are, and the values that their color depends on."""
 
     kind: str
-    where: tuple[np.ndarray, np.ndarray]
+    where: tuple[np.ndarray, ...]
     values: np.ndarray
 
 
@@ -46,11 +47,29 @@ def painted(look: Look) -> np.ndarray:
     }
     for texels in _texels():
         linear[texels.where] = paints[texels.kind](texels.values)
+    _bleed(linear)
     skin = round((1 - FLOOR) * SIZE)
     linear[:skin, : SIZE // 2] = linear[:skin, : SIZE // 2 - 1 : -1]
     texture = np.round(255 * np.clip(linear, 0.003, 1) ** (1 / 2.2)).astype(np.uint8)
     texture.flags.writeable = False
     return texture
+
+
+def _bleed(linear: np.ndarray) -> None:
+    """Give each unpainted texel near paint the color of the nearest painted one, for the sake of interpolation."""
+    near, nearest = _margin()
+    linear[near] = linear[nearest]
+
+
+@lru_cache(maxsize=1)
+def _margin() -> tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...]]:
+    bare = np.ones((SIZE, SIZE), dtype=bool)
+    for texels in _texels():
+        bare[texels.where] = False
+    bare[: round((1 - FLOOR) * SIZE), : SIZE // 2] = False  # the half that will be a copy
+    distance, nearest = cast(tuple[np.ndarray, np.ndarray], distance_transform_edt(bare, return_indices=True))
+    near = np.nonzero(bare & (distance < 4))
+    return near, (nearest[0][near], nearest[1][near])
 
 
 @lru_cache(maxsize=1)

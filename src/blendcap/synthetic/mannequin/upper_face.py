@@ -20,7 +20,7 @@ def brow_inner_up(face: Face) -> np.ndarray:
 
 def brow_outer_up(face: Face) -> np.ndarray:
     """The outer half of the brow rises."""
-    return push(_skin_near(face, (43, 23, 88), (14, 11, 24)), (0, 6.8, 0))
+    return push(_skin_near(face, (45, 23, 88), (15, 11, 24)), (0, 6.0, 0))
 
 
 def brow_down(face: Face) -> np.ndarray:
@@ -33,7 +33,7 @@ def nose_sneer(face: Face) -> np.ndarray:
     """The wing of the nose and the lip below it are raised, the side of the nose wrinkles."""
     lip = face.weights({"bag": 0.3, "inner": 0.9, "seam": 1, "crest": 1, "border": 0.95, "around": 0.55, "fold": 0.25})
     wing = face.near("W2", (8, 10, 10)) * ~(face.lower | (lip > 0.3))
-    return (
+    return face.sealed(
         push(wing, (1.0, 4.2, 0.5))
         + push(face.upper * lip * face.near("border.2", (10, 9, 12)), (0, 3.0, 0.5))
         + push(face.near("orbit.11", (7, 8, 9)) * ~face.on_globe, (-0.6, 2.2, 1.5))
@@ -50,6 +50,6 @@ def cheek_puff(face: Face) -> np.ndarray:
     """Air fills the cheeks; the lips hold."""
     outside = ~np.isin(face.ring, ("inner", "bag"))
     lips = face.weights({"seam": 1, "crest": 1, "border": 0.95, "around": 0.55, "fold": 0.25})
-    cheek = face.near((44, -60, 74), (19, 17, 26)) * outside
+    cheek = face.near((43, -61, 74), (20, 18, 26)) * outside
     narrowed = push(-0.06 * lips * face.points[:, 0], (1, 0, 0))
-    return face.sealed(push(cheek, (8.0, 0, 6.5)) + push(0.6 * lips, (0, 0, 2.0)) + narrowed)
+    return face.sealed(push(cheek, (11.0, 0, 8.0)) + push(0.6 * lips, (0, 0, 2.0)) + narrowed)
