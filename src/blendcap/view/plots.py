@@ -94,10 +94,10 @@ def plot_markers(rig: Rig, solution: Solution, frame: int | None = None) -> Figu
     face = rig.pose(weights_on(rig, solution.animation)[frame])
     sides = (("front", np.array([1, 1, 0]), 0), ("side", np.array([1, 1, -1]), 2))  # from the side it looks to the left
     spans = [_around(fitted[:, axis], room) for axis, room in ((0, 0.0), (2, 45.0), (1, 0.0))]
-    figure = new_figure(8, 5.2)
-    ratios = [float(high - low) for low, high in spans[:2]]
+    ratios = [high - low for low, high in spans]
+    figure = new_figure(1 + 5 * sum(ratios[:2]) / ratios[2], 5.6)
     for axes, (title, sign, axis), span in zip(
-        figure.subplots(1, 2, sharey=True, width_ratios=ratios), sides, spans, strict=False
+        figure.subplots(1, 2, sharey=True, width_ratios=ratios[:2]), sides, spans, strict=False
     ):
         _compare(axes, face * sign, target * sign, fitted * sign, axis)
         axes.set_xlim(*(span if axis == 0 else (-span[1], -span[0])))
@@ -105,7 +105,7 @@ def plot_markers(rig: Rig, solution: Solution, frame: int | None = None) -> Figu
         axes.set_aspect("equal")
         axes.set_title(title)
         axes.set_xlabel("mm")
-    axes.legend(ncols=2, **ABOVE)
+    figure.legend(*figure.axes[0].get_legend_handles_labels(), ncols=2, loc="outside lower right")
     figure.suptitle(
         f"Frame {frame}, {solution.animation.times[frame]:.2f} s: RMS {solution.rms[frame]:.2f} mm", x=0.01, ha="left"
     )
@@ -185,7 +185,7 @@ def _six(times: np.ndarray, motion: np.ndarray, title: str) -> Figure:
         for column, axis, color in zip(columns.T, "xyz", SIX, strict=False):
             axes.plot(*thinned(times, column), color=color, label=axis)
         axes.set_ylabel(unit)
-        axes.legend(ncols=3, **ABOVE)
+    upper.legend(ncols=3, **ABOVE)
     upper.set_title(title)
     lower.set_xlabel("seconds")
     lower.set_xlim(*_span(times))
