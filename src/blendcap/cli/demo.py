@@ -9,7 +9,7 @@ from blendcap.cli.answers import print_lines
 from blendcap.cli.progress import Progress
 from blendcap.cli.solve import bind_and_solve, summary, write_answers
 
-RATE, SECONDS, MARKERS = 60.0, 10.0, 50
+RATE, SECONDS, MARKERS = 60.0, 8.0, 50
 
 
 def demo(*, out: Path = Path("demo"), seed: int = 1) -> None:

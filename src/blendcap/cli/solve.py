@@ -12,6 +12,8 @@ from blendcap.cli.answers import AsJson, print_json, print_lines
 from blendcap.cli.outputs import ANIMATIONS, PAGES, PICTURES, VIDEOS, check_outputs
 from blendcap.cli.progress import Progress
 
+PREVIEW_RATE, PREVIEW_SIZE = 30.0, (960, 540)
+
 if TYPE_CHECKING:
     from blendcap.data import Binding, MarkerTake, Rig, Solution
 
@@ -63,7 +65,7 @@ def solve(
     head
         Large head motion: removed if there is any, always, or never.
     preview
-        A .mp4 or .gif of the answer with the markers on it.
+        A .mp4 or .gif of the answer with the markers on it, at most 30 frames a second.
     report
         A self-contained .html page: figures, plots, warnings.
     picture
@@ -111,28 +113,39 @@ def write_answers(
     picture: Path | None = None,
 ) -> list[Path]:
     """Write what was asked for; returns the files."""
+    from blendcap import view
     from blendcap.io import write_animation
 
     for path in output:
         with progress.step("write", f"Write {path}"):
             write_animation(path, solution.animation, rig=rig)
-    if preview is not None:
-        from blendcap.view import write_preview
-
-        markers = {"targets": solution.targets, "fitted": solution.fitted}
-        with progress.step("preview", f"Write {preview}", total=len(solution.rms)) as tell:
-            write_preview(preview, rig, solution.animation, **markers, progress=tell)
     if picture is not None:
-        from blendcap.view import write_binding_picture
-
         with progress.step("picture", f"Write {picture}"):
-            write_binding_picture(picture, rig, binding)
+            places = binding.points.positions(rig.mesh)
+            view.write_still(picture, rig, targets=places + binding.offsets, fitted=places)
+    if preview is not None:
+        _write_preview(preview, rig, solution, progress)
+    files = [*output, *(path for path in (picture, preview) if path is not None)]
     if report is not None:
-        from blendcap.view import write_report
-
         with progress.step("report", f"Write {report}"):
-            write_report(report, rig, solution, binding=binding, video=preview)
-    return [*output, *(p for p in (preview, picture, report) if p is not None)]
+            steps = [f"Open {path.name}." for path in files]
+            view.write_report(report, rig, solution, binding=binding, video=preview, next_steps=steps)
+        files.append(report)
+    return files
+
+
+def _write_preview(path: Path, rig: Rig, solution: Solution, progress: Progress) -> None:
+    """A video with at most 30 frames a second: what an eye needs in half the time."""
+    from blendcap.data import Animation
+    from blendcap.view import write_preview
+
+    whole = solution.animation
+    step = max(1, round(whole.rate / PREVIEW_RATE))
+    every = slice(None, None, step)
+    part = Animation(whole.weights[every], whole.names, whole.rate / step, times=whole.times[every])
+    targets, fitted = (None if points is None else points[every] for points in (solution.targets, solution.fitted))
+    with progress.step("preview", f"Write {path}", total=len(part.weights)) as tell:
+        write_preview(path, rig, part, size=PREVIEW_SIZE, targets=targets, fitted=fitted, progress=tell)
 
 
 def summary(take: MarkerTake, solution: Solution, progress: Progress) -> dict[str, Any]:
