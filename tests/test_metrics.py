@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -59,6 +60,17 @@ def test_vertex_errors_are_those_of_posed_vertices(rig, truth):
         vertices = np.intersect1d(rig.regions[name], moving)
         assert error == pytest.approx(brute_force(rig, rig, answer, truth, vertices), rel=1e-5)
     assert found.weight_mae == pytest.approx(np.abs(answer.weights - truth.weights).mean())
+
+
+def test_the_inside_of_the_head_is_not_the_face(rig, truth):
+    inner = np.arange(100, 500)
+    hollow = replace(rig, regions={**rig.regions, "eyes": inner})
+    answer = changed(truth, rig, lambda w: np.multiply(w, 0.8, out=w))
+    found, moving = evaluate(answer, truth, hollow), rig.moving_vertices()
+    outer = np.setdiff1d(moving, inner)
+    assert found.vertex_rmse_mm == pytest.approx(brute_force(rig, rig, answer, truth, outer), rel=1e-5)
+    eyes = np.intersect1d(moving, inner)
+    assert found.by_region_mm["eyes"] == pytest.approx(brute_force(rig, rig, answer, truth, eyes), rel=1e-5)
 
 
 def test_a_performer_is_compared_by_true_positions(rig, truth):

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -114,3 +116,12 @@ def test_acting_matches_shapes_by_name(rig, performer):
     assert acted.weights[0, : len(rig.names)].sum() == 1.0
     with pytest.raises(InputError, match="no shape 'frown'"):
         performer.act(Animation(np.ones((1, 1)), ("frown",), 30))
+
+
+def test_correctives_do_not_bend_eyes(rig):
+    eyes = np.arange(100, 500)
+    with_eyes = replace(rig, regions={**rig.regions, "eyes": eyes})
+    performer = make_performer(with_eyes, seed=4)
+    correctives = performer.rig.deltas[len(rig.names) :]
+    assert len(correctives) and correctives.any()
+    assert not correctives[:, eyes].any()

@@ -14,6 +14,7 @@ from scipy.signal import find_peaks
 from blendcap.data import Animation, InputError, Rig
 from blendcap.data.names import canonical
 
+INSIDE = ("eyes", "teeth", "tongue", "mouth", "sockets")  # regions that are not the face's skin
 ACTIVE = 0.02  # a weight above this counts as used
 BLINK_WIDTH = 0.5  # seconds, at half height; longer is a closed eye, not a blink
 BLINK_REACH = 0.35  # seconds on both sides of the peak
@@ -28,9 +29,11 @@ class Metrics:
     ----------
     frames : int
     vertex_rmse_mm : float
-        Root of the mean squared distance over the moving face in each frame, averaged over frames.
+        Root of the mean squared distance over the moving face in each frame, averaged over frames. The face is what
+        any shape moves by more than 0.5 mm, without eyes, teeth, tongue and the inside of the mouth if the rig
+        names these regions.
     by_region_mm : {region: float}
-        The same over the vertices of each region.
+        The same over the moving vertices of each region.
     weight_mae : float
         Mean absolute difference of the weights.
     sparsity, sparsity_truth : float
@@ -92,13 +95,15 @@ def evaluate(answer: Animation, truth: Animation, rig: Rig, *, truth_rig: Rig | 
     answered, true = _weights(answer, rig, "answer"), _weights(truth, true_rig, "truth")
     true_on_rig = _weights(truth, rig, "truth", known=true_rig)
     moving = rig.moving_vertices()
+    inside = [rig.regions[name] for name in INSIDE if name in rig.regions]
+    face = np.setdiff1d(moving, np.concatenate(inside)) if inside else moving
     errors = {name: _rmse(rig, true_rig, answered, true, np.intersect1d(vertices, moving))
-              for name, vertices in {**rig.regions, "": moving}.items()}  # fmt: skip
+              for name, vertices in rig.regions.items()}  # fmt: skip
     roughness, roughness_truth = _roughness(answered), _roughness(true_on_rig)
     gain, blinks = _blink_gain(rig, true_rig, answered, true, truth.rate)
     return Metrics(
         frames=len(answered),
-        vertex_rmse_mm=errors.pop(""),
+        vertex_rmse_mm=_rmse(rig, true_rig, answered, true, face),
         by_region_mm={name: error for name, error in errors.items() if not np.isnan(error)},
         weight_mae=float(np.abs(answered - true_on_rig).mean()),
         sparsity=float((answered > ACTIVE).sum(1).mean()),

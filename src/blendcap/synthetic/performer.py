@@ -12,6 +12,7 @@ SHAPE_GAIN = 0.12  # standard deviation of the logarithm, at strength 1
 FIELD_GAIN = 0.10
 SIDES_ALIKE = 0.8  # correlation of the gains of a left and a right shape
 CORRECTIVES = 12
+HARD = ("eyes", "teeth")  # regions that move as one piece: no corrective bends them
 CORRECTIVE_SIZE = (0.10, 0.25)  # of its smaller driver, at strength 1
 
 
@@ -83,9 +84,13 @@ def make_performer(rig: Rig, *, seed: int, strength: float = 1.0, identity: np.n
     neutral = rig.mesh.vertices if identity is None else rig.mesh.vertices + np.asarray(identity, dtype=np.float64)
     field = _SmoothField(neutral[rig.moving_vertices()], rng)
     personal = rig.deltas * _gains(rig, neutral, field, strength, rng)
-    pairs = _co_active_pairs(rig, CORRECTIVES, rng)
+    soft = np.ones(len(neutral), dtype=bool)
+    for region in HARD:
+        soft[rig.regions.get(region, [])] = False
+    soft_deltas = rig.deltas * soft[:, None]
+    pairs = _co_active_pairs(rig, soft_deltas, rng)
     size = rng.uniform(*CORRECTIVE_SIZE, len(pairs)) * strength
-    extra = [_corrective(rig.deltas[list(p)], neutral, field, s, rng) for p, s in zip(pairs, size, strict=True)]
+    extra = [_corrective(soft_deltas[list(p)], neutral, field, s, rng) for p, s in zip(pairs, size, strict=True)]
     drivers = [(rig.names[i], rig.names[j]) for i, j in pairs]
     names = ["*".join(d) for d in drivers]
     true = replace(
@@ -141,12 +146,12 @@ def _closing(rig: Rig) -> list[int]:
     return sorted(found)
 
 
-def _co_active_pairs(rig: Rig, count: int, rng: np.random.Generator) -> list[tuple[int, int]]:
-    """Up to `count` pairs of shapes that move the same skin in different ways, drawn more often the more they share."""
-    size = np.linalg.norm(rig.deltas, axis=2).astype(np.float64)
+def _co_active_pairs(rig: Rig, deltas: np.ndarray, rng: np.random.Generator) -> list[tuple[int, int]]:
+    """Up to twelve pairs of shapes that move the same skin in different ways, drawn more often the more they share."""
+    size = np.linalg.norm(deltas, axis=2).astype(np.float64)
     energy = np.sqrt((size**2).sum(1)) + 1e-12
     shared = (size @ size.T) / np.outer(energy, energy)
-    flat = rig.deltas.reshape(len(size), -1)
+    flat = deltas.reshape(len(size), -1)
     alike = np.abs(flat @ flat.T) / np.outer(energy, energy)
     score = shared * (1 - alike) * np.sqrt(np.outer(energy, energy))
     first, second = np.triu_indices(len(size), 1)
@@ -155,7 +160,7 @@ def _co_active_pairs(rig: Rig, count: int, rng: np.random.Generator) -> list[tup
     if not len(first):
         return []
     chance = score[first, second] / score[first, second].sum()
-    drawn = rng.choice(len(first), min(count, np.count_nonzero(chance)), replace=False, p=chance)
+    drawn = rng.choice(len(first), min(CORRECTIVES, np.count_nonzero(chance)), replace=False, p=chance)
     return [(int(first[k]), int(second[k])) for k in sorted(drawn)]
 
 
