@@ -1,21 +1,24 @@
-"""C3D marker takes through ezc3d, with guards for what its files leave out or get wrong."""
+"""C3D marker takes.
+
+Reading is our own: ezc3d (1.7) counts no more than 65,535 frames, says nothing when a file ends early, and crashes the
+interpreter on damaged parameters. Writing goes through ezc3d; on sound files both readers agree to the last bit.
+"""
 
 from __future__ import annotations
 
 import logging
 import os
-import tempfile
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from blendcap.data import InputError, MarkerTake
 from blendcap.io.atomic import write_whole
-from blendcap.io.c3d_structure import MOST_COUNTED, Header, check_structure
+from blendcap.io.c3d_parameters import BLOCK, Skeleton, floats_of, read_skeleton
 from blendcap.io.opening import read_bytes, reading
 from blendcap.io.units import millimetres
 
+_MOST_COUNTED = 65535  # the header counts frames in 16 bits
 _MODEL_OUTPUTS = ("ANGLES", "FORCES", "POWERS", "MOMENTS", "SCALARS")
 
 _log = logging.getLogger(__name__)
@@ -28,24 +31,22 @@ def read_c3d(path: str | os.PathLike, unit: str | None = None) -> MarkerTake:
     (POINT:ANGLES, FORCES, MOMENTS, POWERS, SCALARS) are left out. A take of more than 65,535 frames, which the header
     cannot count, is read by the size of the file.
     """
-    path = Path(path)
     with reading(path, "C3D file"):
         content = read_bytes(path)
-        header = check_structure(content)
-        file, positions, residuals = _long(path, content, header) if header.too_long else _short(path, header)
-        point = file["parameters"]["POINT"]
-        labels, outputs = _labels(point, positions.shape[1]), _model_outputs(point)
+        skeleton = read_skeleton(content)
+        samples = _samples(content, skeleton, str(path))
+        labels = _labels(skeleton)
+        outputs = {label for group in _MODEL_OUTPUTS for label in skeleton.texts(group)}
         keep = [i for i, label in enumerate(labels) if label not in outputs]
-        if not keep or not len(positions):
+        if not keep or not len(samples):
             raise InputError(f"{path} holds no markers or no frames; export the labelled take.")
-        units = [u for u in _values(point, "UNITS") if u.strip()]
+        units = [u for u in skeleton.texts("UNITS") if u]
         scale = millimetres(unit or (units[0] if units else ""), str(path))
+        positions, residuals = scale * samples[:, keep, :3], scale * samples[:, keep, 3]
         missing = ~(residuals >= 0) | np.isnan(positions).any(2)
-        positions = np.where(missing[..., None], np.nan, scale * positions)
-        residuals = np.where(missing, np.nan, scale * residuals)
-        rate = float(next(iter(_values(point, "RATE")), 0.0))
-        names = tuple(_unique([labels[i] for i in keep]))
-        return MarkerTake(positions[:, keep], names, rate, residuals[:, keep])
+        positions[missing] = np.nan
+        residuals[missing] = np.nan
+        return MarkerTake(positions, _unique([labels[i] for i in keep]), skeleton.number("POINT", "RATE", 0), residuals)
 
 
 def write_c3d(path: str | os.PathLike, take: MarkerTake) -> None:
@@ -55,7 +56,7 @@ def write_c3d(path: str | os.PathLike, take: MarkerTake) -> None:
     """
     import ezc3d
 
-    if len(take.positions) > MOST_COUNTED:
+    if len(take.positions) > _MOST_COUNTED:
         _log.warning("%s holds %d frames; other programs may read only the 65,535 that a C3D header can count.",
                      path, len(take.positions))  # fmt: skip
     residuals, step = _in_steps(take)
@@ -70,6 +71,35 @@ def write_c3d(path: str | os.PathLike, take: MarkerTake) -> None:
         file.write(str(temporary))
 
 
+def _samples(content: bytes, skeleton: Skeleton, where: str) -> np.ndarray:
+    """x, y, z and residual (T, M, 4) in the unit of the file; the residual is negative where the marker is missing."""
+    words_per_sample = 2 if skeleton.scale < 0 else 1
+    width = (4 * skeleton.points + skeleton.analog) * words_per_sample
+    room = (len(content) - skeleton.offset) // max(2 * width, 1)
+    count = min(skeleton.frames, room)
+    if room < skeleton.frames:
+        _log.warning("%s states %d frames, but ends after %d: it was cut short, and is read as far as it goes.",
+                     where, skeleton.frames, room)  # fmt: skip
+    elif skeleton.frames == _MOST_COUNTED and room > skeleton.frames + BLOCK // (2 * width):
+        _log.warning("%s holds more than the 65,535 frames that its header can count; all of them are read.", where)
+        count = room
+    words = np.frombuffer(content, "<u2", count * width, skeleton.offset).reshape(count, width)
+    words = words[:, : 4 * skeleton.points * words_per_sample]
+    if count > skeleton.frames:  # zeros fill the last block
+        words = words[: np.flatnonzero(words.any(1)).max(initial=-1) + 1]
+    if skeleton.scale < 0:
+        samples = floats_of(words.ravel(), skeleton.dec).reshape(len(words), -1, 4).astype(np.float64)
+    else:
+        samples = words.view("<i2").reshape(len(words), -1, 4).astype(np.float64)
+        samples[..., :3] *= skeleton.scale
+    # The fourth value is an integer: cameras in its lower byte, the residual in steps of the scale in its upper.
+    lost = ~(samples[..., 3] >= 0)
+    bits = np.where(lost, 0, np.minimum(samples[..., 3], 32767)).astype(np.int64)
+    step = abs(skeleton.number("POINT", "SCALE", skeleton.scale))
+    samples[..., 3] = np.where(lost, -1.0, (bits >> 8) * step)
+    return samples
+
+
 def _in_steps(take: MarkerTake) -> tuple[np.ndarray, float]:
     """Residuals (T, M) rounded to whole steps, a hair above so that cutting to integers keeps them; and the step."""
     residuals = np.zeros(take.missing.shape) if take.residuals is None else np.nan_to_num(take.residuals)
@@ -77,63 +107,16 @@ def _in_steps(take: MarkerTake) -> tuple[np.ndarray, float]:
     return np.minimum(np.round(residuals / step) + 1e-3, 127.0) * step, step
 
 
-def _short(path: Path, header: Header) -> tuple[Any, np.ndarray, np.ndarray]:
-    """The file, its positions (T, M, 3) and residuals (T, M) in its own unit, as ezc3d reads them."""
-    file = _open(path)
-    positions = file["data"]["points"][:3].transpose(2, 1, 0)
-    if len(positions) < header.stated:  # ezc3d says nothing when a file ends early
-        _log.warning("%s states %d frames, but ends after %d: it was cut short, and is read as far as it goes.",
-                     path, header.stated, len(positions))  # fmt: skip
-    return file, positions, file["data"]["meta_points"]["residuals"][0].T
-
-
-def _long(path: Path, content: bytes, header: Header) -> tuple[Any, np.ndarray, np.ndarray]:
-    """The same for a take that the header cannot count: ezc3d reads the parameters, the size counts the frames."""
-    if not header.floats:
-        raise InputError("it holds more than 65,535 frames that are not Intel floats; split it, or export it as such.")
-    with tempfile.TemporaryDirectory() as folder:
-        beginning = Path(folder) / "beginning.c3d"
-        beginning.write_bytes(content[: header.offset + 2 * header.frame_bytes])
-        file = _open(beginning)
-    width = 4 * header.points + header.analog
-    raw = np.frombuffer(content, "<f4", header.available * width, header.offset).reshape(-1, width)
-    filled = np.flatnonzero(raw.any(1))  # the last block is padded with zeros
-    raw = raw[: filled[-1] + 1] if len(filled) else raw
-    _log.warning("%s holds %d frames, more than the 65,535 that its header can count; all are read.", path, len(raw))
-    samples = raw[:, : 4 * header.points].reshape(len(raw), header.points, 4).astype(np.float64)
-    words = samples[..., 3].astype(np.int64)  # the residual is the upper byte, in steps of the scale
-    step = abs(float(_values(file["parameters"]["POINT"], "SCALE")[0]))
-    return file, samples[..., :3], np.where(words < 0, -1.0, (words >> 8) * step)
-
-
-def _open(path: Path) -> Any:
-    import ezc3d
-
-    try:
-        return ezc3d.c3d(str(path))
-    except Exception as error:  # ezc3d raises many kinds for what it does not support
-        raise InputError(f"ezc3d refuses it ({str(error).split('.')[0]}); export it again as Intel C3D.") from error
-
-
-def _labels(point: Any, count: int) -> list[str]:
+def _labels(skeleton: Skeleton) -> list[str]:
     """The names of the points: LABELS, LABELS2, ... hold 255 each; a point without a name gets its number."""
-    labels, number = list(_values(point, "LABELS")), 2
-    while f"LABELS{number}" in point:
-        labels += list(_values(point, f"LABELS{number}"))
-        number += 1
-    labels += [""] * (count - len(labels))
-    return [label.strip() or f"unnamed{i}" for i, label in enumerate(labels[:count])]
+    labels, number = list(skeleton.texts("LABELS")), 2
+    while extra := skeleton.texts(f"LABELS{number}"):
+        labels, number = labels + extra, number + 1
+    labels += [""] * (skeleton.points - len(labels))
+    return [label or f"unnamed{i}" for i, label in enumerate(labels[: skeleton.points])]
 
 
-def _model_outputs(point: Any) -> set[str]:
-    return {label.strip() for group in _MODEL_OUTPUTS for label in _values(point, group)} - {""}
-
-
-def _values(point: Any, name: str) -> Any:
-    return point[name].get("value", ()) if name in point else ()
-
-
-def _unique(labels: list[str]) -> list[str]:
+def _unique(labels: list[str]) -> tuple[str, ...]:
     """Repeated labels with a number behind them; unlabelled trajectories often share one name."""
     seen: dict[str, int] = {}
     result = []
@@ -143,4 +126,4 @@ def _unique(labels: list[str]) -> list[str]:
     doubles = [label for label, times in seen.items() if times > 1]
     if doubles:
         _log.warning("%d marker labels occur more than once and were numbered: %s.", len(doubles), ", ".join(doubles))
-    return result
+    return tuple(result)
