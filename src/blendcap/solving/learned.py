@@ -15,19 +15,21 @@ from blendcap.solving.rows import MarkerRows
 
 log = logging.getLogger(__name__)
 
+START_NOISE = 0.3  # mm: assumed before the residuals are seen
 HELMET_RIDGE = 1e-4  # mm²: keeps the helmet's unknowns unique where too few markers are seen
 HELMET_STEP = 0.02  # standard deviation of the helmet's step from frame to frame at 60 frames a second, in its own unit
 
 
 @dataclass(frozen=True, eq=False)
 class LearnedAnswer:
-    """The rows last solved, unknowns (T, N + K), energies by term (T,) in mm², certificate and the learned prior."""
+    """The rows last solved, unknowns (T, N + K), energies by term (T,) in mm², certificate, prior and noise (mm)."""
 
     rows: MarkerRows
     unknowns: np.ndarray
     energies: dict[str, np.ndarray]
     certificate: Certificate
     prior: TakePrior
+    noise: float
 
 
 def solve_learned(
@@ -57,7 +59,8 @@ def solve_learned(
     rate : float
         Frames a second.
     noise : float
-        Standard deviation of a marker coordinate, model error included, mm.
+        Standard deviation of a marker coordinate, mm: the least that is assumed. What the rig leaves unexplained is
+        added, as the answer shows it.
     symmetry, smoothness, passes
         As in SolveSettings.
     relinearize : callable, optional
@@ -67,11 +70,11 @@ def solve_learned(
     """
     start = prior = symmetric_prior(mirror, symmetry, rate)
     unknowns, factors = None, np.ones((1, len(mirror)))
-    helmet_coupling = noise**2 / (HELMET_STEP**2 * 60 / rate)
+    least, noise = noise, max(noise, START_NOISE)
     for k in range(passes):
         progress(f"pass {k + 1} of {passes}")
         precision = _precision(prior, noise, len(rows.lower))
-        coupling = np.full((len(rows.targets), len(rows.lower)), helmet_coupling)
+        coupling = np.full((len(rows.targets), len(rows.lower)), noise**2 / (HELMET_STEP**2 * 60 / rate))
         coupling[:, : rows.shapes] = smoothness * factors * noise**2 / prior.steps
         unknowns, certificate = solve_box_sequence(
             rows.gram + precision, rows.linear, coupling, lower=rows.lower, upper=rows.upper,
@@ -81,12 +84,21 @@ def solve_learned(
         if k == passes - 1:
             break
         weights = unknowns[:, : rows.shapes]
-        prior = learn_prior(start, weights, rows.mean_gram, prior, precision, noise, rate)
+        prior, freedom = learn_prior(start, weights, rows.mean_gram, prior, precision, noise, rate)
+        noise = max(least, _unexplained(rows, unknowns, freedom))
         factors = step_weights(weights, prior)
         if relinearize is not None and k == passes - 2:
             rows = rows.with_targets(relinearize(unknowns))
     assert unknowns is not None  # there is at least one pass
-    return LearnedAnswer(rows, unknowns, _energies(rows, unknowns, precision, coupling), certificate, prior)
+    energies = _energies(rows, unknowns, precision, coupling)
+    return LearnedAnswer(rows, unknowns, energies, certificate, prior, noise)
+
+
+def _unexplained(rows: MarkerRows, unknowns: np.ndarray, freedom: float) -> float:
+    """Standard deviation of a marker coordinate that the answer leaves, mm, with what the fit swallowed put back."""
+    squared = np.nansum(rows.errors(unknowns) ** 2)
+    coordinates = 3 * np.count_nonzero(~rows.missing)
+    return float(np.sqrt(squared / max(coordinates - freedom * len(unknowns), 0.25 * coordinates, 1)))
 
 
 def _precision(prior: TakePrior, noise: float, size: int) -> np.ndarray:

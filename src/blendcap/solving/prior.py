@@ -57,8 +57,8 @@ def symmetric_prior(mirror: np.ndarray, symmetry: float, rate: float) -> TakePri
 def learn_prior(
     start: TakePrior, weights: np.ndarray, gram: np.ndarray, current: TakePrior, precision: np.ndarray,
     noise: float, rate: float,
-) -> TakePrior:  # fmt: skip
-    """The prior re-estimated from an answer.
+) -> tuple[TakePrior, float]:  # fmt: skip
+    """The prior re-estimated from an answer, and how many free unknowns a frame of it has.
 
     Parameters
     ----------
@@ -77,14 +77,14 @@ def learn_prior(
         Frames a second.
     """
     frames, count = weights.shape
-    open_pose, open_step = _posterior(gram + precision, noise**2 / current.steps, noise**2)
+    open_pose, open_step, freedom = _posterior(gram, precision, current.steps, noise**2)
     # A weight that rests on its bound is known: only the frames in which it is free leave it open.
     free = (weights > 1e-6).mean(0)
     moment = weights.T @ weights / frames + np.sqrt(free)[:, None] * open_pose * np.sqrt(free)
     covariance = (frames * moment + PSEUDO_FRAMES * start.covariance) / (frames + PSEUDO_FRAMES)
     covariance[np.diag_indices(count)] += DEVIATION_FLOOR**2
     steps = (np.diff(weights, axis=0) ** 2).mean(0) + free * open_step if frames > 1 else current.steps
-    return TakePrior(covariance, steps + STEP_FLOOR**2 * 60 / rate)
+    return TakePrior(covariance, steps + STEP_FLOOR**2 * 60 / rate), freedom
 
 
 def step_weights(weights: np.ndarray, prior: TakePrior) -> np.ndarray:
@@ -98,18 +98,24 @@ def step_weights(weights: np.ndarray, prior: TakePrior) -> np.ndarray:
     return factors
 
 
-def _posterior(quadratic: np.ndarray, coupling: np.ndarray, noise: float) -> tuple[np.ndarray, np.ndarray]:
-    """Posterior covariance of a frame's weights (N, N) and variance of their steps (N,), as if the take had no ends.
+def _posterior(
+    gram: np.ndarray, precision: np.ndarray, steps: np.ndarray, variance: float
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Posterior covariance of a frame's weights (N, N), variance of their steps (N,), and the fit's degrees of freedom.
 
-    A long chain of equal frames is diagonal in frequency: at the frequency w the coupling counts 2 - 2 cos w.
+    As if the take had no ends: a long chain of equal frames is diagonal in frequency, and at the frequency w the
+    coupling counts 2 - 2 cos w.
     """
-    count = len(coupling)
-    pose, step = np.zeros((count, count)), np.zeros(count)
+    count = len(steps)
+    coupling = variance / steps
+    pose, step, freedom = np.zeros((count, count)), np.zeros(count), 0.0
     for k in range(FREQUENCIES):
         factor = 2 - 2 * np.cos((k + 0.5) * np.pi / FREQUENCIES)
-        matrix = quadratic.copy()
+        matrix = gram + precision
         matrix[np.arange(count), np.arange(count)] += coupling * factor
-        block = noise * np.linalg.inv(matrix)[:count, :count]
+        inverse = np.linalg.inv(matrix)
+        freedom += float((inverse * gram).sum()) / FREQUENCIES
+        block = variance * inverse[:count, :count]
         pose += block / FREQUENCIES
         step += factor * np.diag(block) / FREQUENCIES
-    return pose, step
+    return pose, step, freedom
