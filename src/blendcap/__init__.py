@@ -57,6 +57,20 @@ if TYPE_CHECKING:
     from blendcap.data import Rig as Rig
     from blendcap.data import Solution as Solution
     from blendcap.data import SurfacePoints as SurfacePoints
+    from blendcap.io import read_animation as read_animation
+    from blendcap.io import read_markers as read_markers
+    from blendcap.io import read_mesh as read_mesh
+    from blendcap.io import read_rig as read_rig
+    from blendcap.io import write_animation as write_animation
+    from blendcap.io import write_markers as write_markers
+    from blendcap.io import write_mesh as write_mesh
+    from blendcap.io import write_rig as write_rig
+    from blendcap.markers.binding import bind as bind
+    from blendcap.markers.solve import solve as solve
+    from blendcap.metrics import evaluate as evaluate
+    from blendcap.numerics.boxls import solve_box as solve_box
+    from blendcap.solving.settings import SolveSettings as SolveSettings
+    from blendcap.synthetic.mannequin import mannequin as mannequin
 
 
 def __getattr__(name: str):
