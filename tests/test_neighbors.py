@@ -94,7 +94,7 @@ def test_the_own_triangle_comes_first_even_where_smaller_ones_are_nearer():
     vertices = np.array([[0.0, 0, 0], [9, 9, 0], [9, -9, 0], [-1, 0.1, 0], [-1, -0.1, 0], [0, -1, 0]])
     mesh = Mesh(vertices, np.array([[3, 4, 0], [4, 5, 0], [0, 2, 1]]))
     tip = SurfacePoints(("tip",), [2], [[1.0, 0, 0]])
-    assert candidates(mesh, tip, radius=20, count=3)[0].tolist() == [2, 0, 1]
+    assert candidates(mesh, tip, radius=20, count=3)[0].tolist() == [2, 1, 0]
 
 
 def test_seams_are_sewn_where_both_sides_move_alike_and_only_there():
