@@ -1,9 +1,11 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from blendcap.data import Animation, InputError
-from blendcap.numerics.geodesic import surface_distances
+from blendcap.data import Animation, InputError, Mesh, Rig, SurfacePoints
+from blendcap.numerics.geodesic import surface_distances, weld
 from blendcap.synthetic.performer import make_performer
 from blendcap.synthetic.takes import choose_points, make_take, misplace
 from sheet import SLIT_Y, sheet_rig
@@ -51,6 +53,34 @@ def test_points_keep_to_the_skin(rig, points):
         choose_points(rig, 5000)
 
 
+def test_a_texture_seam_is_no_border(rig):
+    split, _ = cut(rig)
+    whole, found = choose_points(rig, 15, seed=3), choose_points(split, 15, seed=3)
+    assert np.allclose(found.positions(split.mesh), whole.positions(rig.mesh))
+
+
+def cut(rig):
+    """The rig as a file would have it whose texture has a seam: the middle column of the upper half twice."""
+    vertices, faces = rig.mesh.vertices, rig.mesh.faces.copy()
+    seam = np.flatnonzero((np.abs(vertices[:, 0]) < 1e-9) & (vertices[:, 1] > 0))
+    copy = np.arange(len(vertices))
+    copy[seam] = len(vertices) + np.arange(len(seam))
+    right = vertices[faces][:, :, 0].mean(1) < 0
+    faces[right] = copy[faces[right]]
+    mesh = Mesh(np.concatenate([vertices, vertices[seam]]), faces)
+    split = Rig(mesh, np.concatenate([rig.deltas, rig.deltas[:, seam]], axis=1), rig.names)
+    return replace(split, mirror=rig.mirror, regions=rig.regions), seam
+
+
+def test_welding_joins_seams_and_leaves_lips_apart(rig):
+    split, seam = cut(rig)
+    welded = weld(split.mesh.faces, split.mesh.vertices, split.deltas)
+    assert np.array_equal(welded, rig.mesh.faces)
+    assert len(seam) > 10 and np.array_equal(weld(rig.mesh.faces, rig.mesh.vertices, rig.deltas), rig.mesh.faces)
+    stiff = weld(rig.mesh.faces, rig.mesh.vertices, 0 * rig.deltas)
+    assert len(np.unique(stiff)) == len(rig.mesh.vertices) - len(rig.contacts["lips"])
+
+
 def test_a_perfect_take_is_the_performer(performer, points, animation):
     take, truth = make_take(performer, animation, points, seed=0, neutral_frames=0, **PERFECT)
     assert np.allclose(take.positions, performer.sample(points, animation.weights))
@@ -85,10 +115,9 @@ def test_misplaced_markers_stay_on_their_side_of_the_mouth(rig, performer):
     lips = rig.contacts["lips"]
     for side, sign in ((0, 1), (1, -1)):
         faces = np.flatnonzero(np.isin(rig.mesh.faces, lips[:, side]).any(1))
-        given = choose_points(rig, 1).__class__(
-            [f"p{i}" for i in range(len(faces))], faces, np.full((len(faces), 3), 1 / 3)
-        )
-        moved = misplace(given, rig.mesh, 3.0, np.random.default_rng(side))
+        names = [f"p{i}" for i in range(len(faces))]
+        given = SurfacePoints(names, faces, np.full((len(faces), 3), 1 / 3))
+        moved = misplace(given, rig, 3.0, np.random.default_rng(side))
         y = moved.positions(rig.mesh)[:, 1]
         assert ((y - SLIT_Y) * sign > -1e-9).mean() > 0.9  # the few others went around the corner
         jaw = np.zeros(len(rig.names))
@@ -104,7 +133,7 @@ def test_misplacement_has_the_length_that_was_asked_for(rig, points):
     inner = [n for n, p in zip(points.names, points.positions(rig.mesh), strict=True) if np.abs(p[:2]).max() < 52]
     inner = points.select([n for n in inner if abs(points.select([n]).positions(rig.mesh)[0, 1] - SLIT_Y) > 6])
     rng = np.random.default_rng(0)
-    moved = np.stack([misplace(inner, rig.mesh, 1.5, rng).positions(rig.mesh) for _ in range(60)])
+    moved = np.stack([misplace(inner, rig, 1.5, rng).positions(rig.mesh) for _ in range(60)])
     shift = moved - inner.positions(rig.mesh)
     assert np.sqrt((shift**2).sum(2).mean()) == pytest.approx(1.5, rel=0.08)
     assert np.abs(shift.mean((0, 1))).max() < 0.15  # no direction is favored

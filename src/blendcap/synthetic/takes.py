@@ -11,8 +11,8 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial.transform import Rotation
 
-from blendcap.data import Animation, InputError, MarkerTake, Mesh, Rig, SurfacePoints
-from blendcap.numerics.geodesic import face_neighbors, surface_graph, walk
+from blendcap.data import Animation, InputError, MarkerTake, Rig, SurfacePoints
+from blendcap.numerics.geodesic import face_neighbors, surface_graph, walk, weld
 from blendcap.rendering import vertex_normals
 from blendcap.rendering.light import openness
 from blendcap.synthetic.performer import Performer
@@ -62,10 +62,11 @@ def choose_points(rig: Rig, count: int, *, seed: int = 0) -> SurfacePoints:
     Skin is what lies open to the sky (not nostrils and the inside of the mouth), belongs to the largest connected
     piece (eyeballs move too, but nobody glues markers on them) and to the regions of the face if the rig has them.
     """
-    candidates = _skin(rig)
+    faces = weld(rig.mesh.faces, rig.mesh.vertices, rig.deltas)
+    candidates = _skin(rig, faces)
     if not 0 < count <= len(candidates):
         raise InputError(f"The rig has {len(candidates)} moving vertices on the skin; ask for 1 to as many markers.")
-    graph = surface_graph(rig.mesh.vertices, rig.mesh.faces)
+    graph = surface_graph(rig.mesh.vertices, faces)
     distance = np.full(len(candidates), np.inf)
     chosen = [int(np.random.default_rng(seed).choice(candidates))]
     while len(chosen) < count:
@@ -76,16 +77,17 @@ def choose_points(rig: Rig, count: int, *, seed: int = 0) -> SurfacePoints:
     return SurfacePoints.at_vertices([f"m{i:0{digits}}" for i in range(count)], np.array(chosen), rig.mesh)
 
 
-def misplace(points: SurfacePoints, mesh: Mesh, distance: float, rng: np.random.Generator) -> SurfacePoints:
+def misplace(points: SurfacePoints, rig: Rig, distance: float, rng: np.random.Generator) -> SurfacePoints:
     """The points after a straight walk on the surface in a random direction; `distance` is the root mean square, mm."""
-    neighbors = face_neighbors(mesh.faces)
+    vertices, faces = rig.mesh.vertices, weld(rig.mesh.faces, rig.mesh.vertices, rig.deltas)
+    neighbors = face_neighbors(faces)
     steps = rng.normal(size=(len(points.names), 2)) * (distance / np.sqrt(2))
     ends = []
     for face, barycentric, (x, y) in zip(points.faces, points.barycentric, steps, strict=True):
-        corners = mesh.vertices[mesh.faces[face]]
+        corners = vertices[faces[face]]
         frame = np.linalg.svd(corners - corners.mean(0))[2]  # two directions in the plane, then the normal
         step = x * frame[0] + y * frame[1]
-        ends.append(walk(mesh.vertices, mesh.faces, neighbors, face=int(face), barycentric=barycentric, step=step))
+        ends.append(walk(vertices, faces, neighbors, face=int(face), barycentric=barycentric, step=step))
     return SurfacePoints(points.names, np.array([f for f, _ in ends]), np.array([b for _, b in ends]))
 
 
@@ -134,7 +136,7 @@ def make_take(
     if head is not None:
         pivot = performer.rig.mesh.vertices.mean(0)
         played = replace(played, head=_matrices(drift(rng, head, period=4.0, bumps=0.0), pivot))
-    true_points = misplace(points, performer.rig.mesh, misplacement, rng)
+    true_points = misplace(points, performer.rig, misplacement, rng)
     rest, deltas = performer.rig.sample(true_points)
     positions = rest + np.tensordot(played.weights, deltas, axes=1)
     pivot = rest.mean(0)
@@ -149,10 +151,10 @@ def make_take(
     return MarkerTake(seen, points.names, played.rate), truth
 
 
-def _skin(rig: Rig) -> np.ndarray:
-    """Vertices (K,) where one would glue a marker."""
-    vertices, faces = rig.mesh.vertices, rig.mesh.faces
-    skin = rig.moving_vertices()
+def _skin(rig: Rig, faces: np.ndarray) -> np.ndarray:
+    """Vertices (K,) where one would glue a marker, of those that the welded faces use."""
+    vertices = rig.mesh.vertices
+    skin = np.intersect1d(rig.moving_vertices(), faces)
     skin = skin[openness(vertices, vertex_normals(vertices, faces), faces)[skin] > OPEN]
     regions = [rig.regions[name] for name in SKIN if name in rig.regions]
     if regions:
