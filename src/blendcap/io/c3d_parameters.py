@@ -76,7 +76,7 @@ def read_skeleton(content: bytes) -> Skeleton:
     if not section < offset <= len(content):
         raise _damaged("its header points outside the file")
     dec = processor == _DEC
-    parameters = dict(_parameters(content, section, offset, dec))
+    parameters = _parameters(content, section, offset, dec)
     scale = float(floats_of(np.frombuffer(content, "<u2", 2, 12), dec)[0])
     skeleton = Skeleton(points, analog, last - first + 1, offset, scale, dec, parameters)
     if skeleton.number("POINT", "USED", points) != points:
@@ -112,8 +112,7 @@ def _parameters(
             groups[-number] = name
         else:
             found.append((number, name, _values(record, name, dec)))
-    for number, name, values in found:
-        yield (groups.get(number, ""), name), values
+    return {(groups.get(number, ""), name): values for number, name, values in found}
 
 
 def _records(content: bytes, section: int, end: int) -> Iterator[tuple[int, str, bytes]]:

@@ -23,10 +23,12 @@ def read_scan(path: str | os.PathLike, unit_mm: float = 1.0) -> Mesh:
         try:
             scan = trimesh.load(io.BytesIO(content), file_type=kind, process=False, maintain_order=True, force="mesh")
         except Exception as error:  # trimesh's readers raise whatever the damaged bytes lead to
-            raise InputError(f"Cannot read {path}: the {kind.upper()} file is damaged ({error}).") from error
+            raise InputError(
+                f"Cannot read {path}: the {kind.upper()} file is damaged or cut short; export it again."
+            ) from error
         if not isinstance(scan, trimesh.Trimesh) or not len(scan.faces):
             raise InputError(f"{path} holds no surface; export triangles, not points.")
-        if kind == "stl":
+        if kind == "stl" and np.isfinite(scan.vertices).all():
             scan.merge_vertices()
         uv = getattr(scan.visual, "uv", None)
         uv = None if uv is None or len(uv) != len(scan.vertices) else np.asarray(uv)

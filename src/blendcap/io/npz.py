@@ -7,6 +7,7 @@ import json
 import math
 import os
 import zipfile
+import zlib
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from blendcap.data import InputError
 from blendcap.io.atomic import write_whole
 from blendcap.io.opening import existing_file, parse_json, reading
 
+_BROKEN = (zipfile.BadZipFile, zlib.error, EOFError, OSError, RuntimeError)  # what zipfile raises on damage
 _MOST_SQUEEZED = 1100  # deflate cannot squeeze more than about 1:1032
 
 
@@ -30,7 +32,7 @@ def read_npz(path: str | os.PathLike) -> dict[str, np.ndarray]:
                     for entry in archive.infolist()
                     if entry.filename.endswith(".npy")
                 }
-        except (zipfile.BadZipFile, zipfile.LargeZipFile, EOFError, OSError, NotImplementedError) as error:
+        except _BROKEN as error:
             raise InputError(f"Cannot read {path}: it is no whole .npz archive ({error}).") from error
 
 
@@ -74,5 +76,5 @@ def npz_names(path: str | os.PathLike) -> set[str]:
     try:
         with zipfile.ZipFile(path) as archive:
             return {name.removesuffix(".npy") for name in archive.namelist()}
-    except (zipfile.BadZipFile, OSError) as error:
+    except _BROKEN as error:
         raise InputError(f"Cannot read {path}: it is no whole .npz archive ({error}).") from error
