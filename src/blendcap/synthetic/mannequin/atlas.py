@@ -14,7 +14,7 @@ from scipy.sparse.linalg import spsolve
 
 from blendcap.synthetic.mannequin.cage import EAR_RINGS, Cage
 from blendcap.synthetic.mannequin.parts import Part
-from blendcap.synthetic.mannequin.subdivision import Surface
+from blendcap.synthetic.mannequin.subdivision import LEVELS, Surface, refined
 
 AXIS = -20.0  # z of the cylinder's axis, mm
 FLOOR = 0.35  # the skin's chart lies above, all others below
@@ -45,11 +45,10 @@ class Atlas(NamedTuple):
 
 def make_atlas(cage: Cage, surface: Surface, rest: np.ndarray, parts: list[Part]) -> Atlas:
     """Lay out the skin `rest` (V, 3), mm, of the plain person and the parts."""
-    levels = round(np.log(len(surface.quads) / len(cage.quads)) / np.log(4))
     inner, local = _inner_charts(cage)
-    corners = _skin_chart(rest, surface.quads, ~np.repeat(inner, 4**levels))
-    fine = _refined(local, levels)
-    hidden = np.repeat(inner, 4**levels)
+    corners = _skin_chart(rest, surface.quads, ~np.repeat(inner, 4**LEVELS))
+    fine = refined(local)
+    hidden = np.repeat(inner, 4**LEVELS)
     corners[hidden] = fine[hidden]
     pieces = [corners, *(_placed(part.kind, part.chart) for part in parts)]
     every = np.round(np.concatenate(pieces), 7)
@@ -92,15 +91,6 @@ def _mouth_spot(name: str) -> np.ndarray:
     ring, _, place = name.partition(".")
     radius = {"seam": 1.0, "inner": 0.85, "bag": 0.6, "mi": 0.3, "mc": 0.0}[ring]
     return _disc(np.pi / 2 - np.pi * int(place or 4) / 8, radius)
-
-
-def _refined(corners: np.ndarray, levels: int) -> np.ndarray:
-    """Values at the corners of quads (Q, 4, K), interpolated to the corners of their children (Q 4^levels, 4, K)."""
-    for _ in range(levels):
-        after = (corners + np.roll(corners, -1, axis=1)) / 2
-        center = np.repeat(corners.mean(1, keepdims=True), 4, axis=1)
-        corners = np.stack([corners, after, center, np.roll(after, 1, axis=1)], 2).reshape(-1, 4, corners.shape[2])
-    return corners
 
 
 def _skin_chart(rest: np.ndarray, quads: np.ndarray, outside: np.ndarray) -> np.ndarray:

@@ -74,7 +74,7 @@ def _look_of(identity: int | str | Mapping[str, float]) -> Look:
 
 
 def _mesh(head: Shared, face: Face, parts: list[Part], look: Look) -> Mesh:
-    skin = head.surface.evened(head.surface.through(head.cage.mirrored(face.points)))
+    skin = head.surface.evened(head.surface.through(head.cage.mirrored(face.points)) + head.auricles)
     vertices, quads = [skin], [head.surface.quads]
     for part in parts:
         quads.append(part.quads + sum(map(len, vertices)))

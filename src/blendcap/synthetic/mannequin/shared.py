@@ -10,6 +10,7 @@ import numpy as np
 
 from blendcap.synthetic.mannequin.atlas import Atlas, make_atlas
 from blendcap.synthetic.mannequin.cage import Cage, head_cage, ring
+from blendcap.synthetic.mannequin.ear import sculpted_ears
 from blendcap.synthetic.mannequin.identity import make_person
 from blendcap.synthetic.mannequin.parts import Part, make_parts
 from blendcap.synthetic.mannequin.regions import skin_regions
@@ -25,6 +26,7 @@ class Shared(NamedTuple):
     surface: Surface
     regions: Mapping[str, np.ndarray]  # of the skin
     contacts: Mapping[str, np.ndarray]
+    auricles: np.ndarray  # what the sculpted ears add to the surface, (V, 3), mm
     rest: np.ndarray  # the skin of the plain person, (V, 3), mm
     parts: list[Part]  # of the plain person
     atlas: Atlas
@@ -40,10 +42,11 @@ def shared() -> Shared:
     surface = subdivide(cage.size, cage.quads, cage.sharpness, cage.corners, cage.twins, chains)
     pairs = [np.stack(surface.chains[k : k + 2], 1) for k in (0, 2, 4)]
     contacts = {name: pair[pair[:, 0] != pair[:, 1]] for name, pair in zip(_CONTACTS, pairs, strict=True)}
-    rest = surface.evened(surface.through(cage.mirrored(cage.half)))
+    auricles = sculpted_ears(cage, surface)
+    rest = surface.evened(surface.through(cage.mirrored(cage.half)) + auricles)
     parts = make_parts(make_person(cage, {}))
     atlas = make_atlas(cage, surface, rest, parts)
-    return Shared(cage, surface, skin_regions(cage, surface), contacts, rest, parts, atlas)
+    return Shared(cage, surface, skin_regions(cage, surface), contacts, auricles, rest, parts, atlas)
 
 
 def _both(cage: Cage, names: list[str]) -> np.ndarray:

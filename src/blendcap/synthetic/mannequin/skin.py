@@ -88,7 +88,7 @@ def paint_teeth(local: np.ndarray) -> np.ndarray:
     """Linear color (P, 3) of teeth and gum by distance along the arch, height and gap (P, 3)."""
     gap = np.clip(local[:, 2:], 0, 1)
     crown = smoothstep(0.10, 0.2, local[:, 1:2] - 0.08 * gap)
-    gum, enamel = np.array([0.60, 0.27, 0.25]), np.array([0.80, 0.76, 0.68])
+    gum, enamel = np.array([0.60, 0.27, 0.25]), np.array([0.93, 0.89, 0.80])
     return (gum + crown * (enamel - gum)) * (1 - 0.4 * gap)
 
 

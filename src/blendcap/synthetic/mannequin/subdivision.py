@@ -14,6 +14,7 @@ from itertools import pairwise
 import numpy as np
 from scipy import sparse
 
+LEVELS = 2
 ROUNDS, GAIN = 4, 0.8  # of the surface fit: close to the points, yet no ringing
 
 
@@ -71,7 +72,7 @@ def subdivide(
     corners: np.ndarray,
     twins: np.ndarray,
     chains: Sequence[np.ndarray] = (),
-    levels: int = 2,
+    levels: int = LEVELS,
 ) -> Surface:
     """Subdivide a cage of `count` points.
 
@@ -100,6 +101,15 @@ def subdivide(
         matrix = sparse.csr_matrix(step @ matrix)
         count = len(twins)
     return Surface(matrix, quads, tuple(chains), middles, twins)
+
+
+def refined(corners: np.ndarray, levels: int = LEVELS) -> np.ndarray:
+    """Values at the corners of quads (Q, 4, K), interpolated to the corners of their children (Q 4^levels, 4, K)."""
+    for _ in range(levels):
+        after = (corners + np.roll(corners, -1, axis=1)) / 2
+        center = np.repeat(corners.mean(1, keepdims=True), 4, axis=1)
+        corners = np.stack([corners, after, center, np.roll(after, 1, axis=1)], 2).reshape(-1, 4, corners.shape[2])
+    return corners
 
 
 def _level(count: int, quads: np.ndarray, sharpness: dict, corners: np.ndarray):
