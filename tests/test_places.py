@@ -72,7 +72,8 @@ def test_half_a_face_is_found(rig, other_face, true, part):
 def test_the_answer_does_not_depend_on_where_the_take_stands(rig, other_face):
     skin = front_of(rig)
     answers = [lay_on(skin, upside_down(other_face))[0].positions, lay_on(skin, other_face + 1000)[0].positions]
-    assert np.linalg.norm(answers[0] - answers[1], axis=1).max() < 0.5
+    # Not exactly: the skin is searched by the centers of its triangles, which lie 2 to 4 mm apart.
+    assert np.linalg.norm(answers[0] - answers[1], axis=1).max() < 2
 
 
 def test_the_placement_is_the_similarity_it_says(rig, other_face):
