@@ -136,6 +136,12 @@ def test_markers_that_the_neutral_misses_get_no_place(rig, other_face):
     assert find_places(rig, take).names == tuple(name for name in take.names if name != "m3")
 
 
+def test_trajectories_that_nobody_labeled_get_no_place(rig, other_face):
+    names = [f"m{i}" for i in range(len(other_face))]
+    ghosts = np.vstack([other_face, 2 * other_face[:2]])
+    assert find_places(rig, MarkerTake(ghosts[None], [*names, "*1", "*2"], 60)).names == tuple(names)
+
+
 def test_too_few_markers_are_refused(rig, other_face):
     with pytest.raises(InputError, match="at least 8"):
         find_places(rig, as_take(other_face[:7]))

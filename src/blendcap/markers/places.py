@@ -15,7 +15,7 @@ import numpy as np
 
 from blendcap.data import InputError, MarkerTake, Rig, SurfacePoints
 from blendcap.markers.alignment import apply
-from blendcap.markers.cleaning import neutral_frame
+from blendcap.markers.cleaning import drop_unlabeled, neutral_frame
 from blendcap.markers.neighbors import project_on
 from blendcap.markers.skin import Skin, front_of
 
@@ -61,13 +61,14 @@ def find_places(rig: Rig, take: MarkerTake) -> SurfacePoints:
     Returns
     -------
     SurfacePoints
-        By marker name, for the markers that the neutral sees.
+        By marker name, for the labeled markers that the neutral sees.
 
     Raises
     ------
     InputError
-        If the neutral sees fewer than eight markers.
+        If no marker is labeled, or the neutral sees fewer than eight.
     """
+    take = drop_unlabeled(take)
     neutral = neutral_frame(take)
     skin = front_of(rig)
     found = lay_on(skin, neutral)
