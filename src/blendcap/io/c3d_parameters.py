@@ -102,9 +102,7 @@ def _frames(skeleton: Skeleton) -> int:
     return max(counts)
 
 
-def _parameters(
-    content: bytes, section: int, end: int, dec: bool
-) -> Iterator[tuple[tuple[str, str], list | np.ndarray]]:
+def _parameters(content: bytes, section: int, end: int, dec: bool) -> dict[tuple[str, str], list[str] | np.ndarray]:
     groups: dict[int, str] = {}
     found = []
     for number, name, record in _records(content, section, end):

@@ -28,11 +28,13 @@ def read_scan(path: str | os.PathLike, unit_mm: float = 1.0) -> Mesh:
             ) from error
         if not isinstance(scan, trimesh.Trimesh) or not len(scan.faces):
             raise InputError(f"{path} holds no surface; export triangles, not points.")
-        if kind == "stl" and np.isfinite(scan.vertices).all():
-            scan.merge_vertices()
         uv = getattr(scan.visual, "uv", None)
-        uv = None if uv is None or len(uv) != len(scan.vertices) else np.asarray(uv)
-        return Mesh(unit_mm * np.asarray(scan.vertices), np.asarray(scan.faces, np.int64), uv=uv)
+        uv = None if uv is None or len(uv) != len(scan.vertices) or kind == "stl" else np.asarray(uv)
+        vertices, faces = np.asarray(scan.vertices, np.float64), np.asarray(scan.faces, np.int64)
+        if kind == "stl":
+            vertices, place = np.unique(vertices, axis=0, return_inverse=True)
+            faces = place.reshape(-1)[faces]
+        return Mesh(unit_mm * vertices, faces, uv=uv)
 
 
 def write_scan(path: str | os.PathLike, mesh: Mesh) -> None:
