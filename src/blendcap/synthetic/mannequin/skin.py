@@ -7,6 +7,7 @@ stay crisp.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +16,7 @@ from blendcap.synthetic.mannequin.cage import EAR_RINGS, Cage
 from blendcap.synthetic.mannequin.fields import smoothstep
 
 Color = tuple[float, float, float]
+Paint = np.ndarray | Color | Callable[[np.ndarray], np.ndarray]
 
 
 class Look(NamedTuple):
@@ -42,6 +44,9 @@ _FIELDS: tuple[dict[str, float], ...] = (  # ring weights; the lash line only be
     {"vestibule": 1.0},
     {name: 1.0 for name in EAR_RINGS},
 )
+FLUSHED = np.array([0.0, 0.17, 0.15], dtype=np.float32)  # how much of each channel a flush takes away
+SHADED = np.array([0.5, 0.7, 0.55], dtype=np.float32)
+BLOTCHED = np.array([0.6, 1.0, 1.0], dtype=np.float32)
 LIP, LASH, WET, MOUTH, NOSTRIL, EAR = range(6)
 
 
@@ -56,16 +61,24 @@ def cage_fields(cage: Cage) -> np.ndarray:
 def paint_skin(places: np.ndarray, fields: np.ndarray, look: Look) -> np.ndarray:
     """Linear color (P, 3) at places (P, 3) of the plain person, mm, with the fields (P, 6)."""
     color = _complexion(places, look)
-    for strength, paint in (
-        (0.8 * smoothstep(0.50, 0.66, fields[:, LIP]), _lip(places, fields, look)),
-        (_brow(places), look.hair),
-        (0.93 * smoothstep(0.42, 0.62, fields[:, LASH]), np.multiply(0.4, look.hair)),
-        (smoothstep(0.5, 0.9, fields[:, WET]) * (1 - smoothstep(0.42, 0.62, fields[:, LASH])), (0.55, 0.28, 0.25)),
-        (smoothstep(0.35, 1.15, fields[:, MOUTH]), (0.16, 0.035, 0.03)),
-        (smoothstep(0.10, 0.55, fields[:, NOSTRIL]), (0.05, 0.018, 0.014)),
-        (0.9 * _hair(places) * (1 - smoothstep(0.02, 0.2, fields[:, EAR])), look.hair),
-    ):
-        color += strength[:, None] * (np.asarray(paint) - color)
+    y, z = places[:, 1], places[:, 2]
+    lashes = 0.93 * smoothstep(0.42, 0.62, fields[:, LASH])
+
+    def layer(here: np.ndarray, strength: Paint, paint: Paint) -> None:
+        """Paint over the color where it may show; both strength and paint may depend on the place."""
+        amount = strength(here) if callable(strength) else np.asarray(strength)[here]
+        over = paint(here) if callable(paint) else np.asarray(paint, dtype=np.float32)
+        color[here] += amount[:, None] * (over - color[here])
+
+    lips = fields[:, LIP] > 0.5
+    layer(lips, 0.8 * smoothstep(0.50, 0.66, fields[:, LIP]), lambda p: _lip(places[p], fields[p], look))
+    layer((z > 40) & (y > 5) & (y < 35), lambda p: _brow(places[p]), look.hair)
+    layer(lashes > 0, lashes, np.multiply(0.4, look.hair))
+    layer(fields[:, WET] > 0.5, smoothstep(0.5, 0.9, fields[:, WET]) * (1 - lashes), (0.55, 0.28, 0.25))
+    layer(fields[:, MOUTH] > 0.35, smoothstep(0.35, 1.15, fields[:, MOUTH]), (0.16, 0.035, 0.03))
+    layer(fields[:, NOSTRIL] > 0.1, smoothstep(0.10, 0.55, fields[:, NOSTRIL]), (0.05, 0.018, 0.014))
+    layer((y > -75) & (fields[:, EAR] < 0.2) & ((z < 35) | (y > 8)),
+          lambda p: 0.9 * _hair(places[p]) * (1 - smoothstep(0.02, 0.2, fields[p, EAR])), look.hair)  # fmt: skip
     return color
 
 
@@ -109,16 +122,17 @@ def _complexion(places: np.ndarray, look: Look) -> np.ndarray:
     def spot(cx, cy, sx, sy):
         return np.exp(-(((x - cx) / sx) ** 2) - ((y - cy) / sy) ** 2) * (z > 30)
 
+    tone = np.asarray(look.skin, dtype=np.float32)
     flush = 0.55 * spot(40, -32, 16, 14) + 0.6 * spot(0, -36, 10, 9) + 0.3 * spot(0, -98, 14, 8)
     shade = 0.28 * spot(24, -14, 14, 6) + 0.15 * spot(30, 11, 14, 6)
-    color = np.asarray(look.skin) * (1 - flush[:, None] * np.array([0.0, 0.17, 0.15]))
-    color *= 1 - shade[:, None] * np.array([0.5, 0.7, 0.55])
-    blotches, pores = 0.035 * _noise(places * 0.12, 1), 0.03 * _noise(places * 0.9, 2)
-    return color * (1 + blotches[:, None] * np.array([0.6, 1, 1]) + pores[:, None])
+    color = tone * (1 - flush[:, None] * FLUSHED)
+    color *= 1 - shade[:, None] * SHADED
+    blotches, pores = 0.035 * _noise(places, 0.12, 1), 0.03 * _noise(places, 0.9, 2)
+    return color * (1 + blotches[:, None] * BLOTCHED + pores[:, None])
 
 
 def _lip(places: np.ndarray, fields: np.ndarray, look: Look) -> np.ndarray:
-    lines = 1 + 0.035 * _noise(places * np.array([2.2, 0.35, 0.5]), 9)
+    lines = 1 + 0.035 * _noise(places, (2.2, 0.35, 0.5), 9)
     return np.asarray(look.lips) * (lines * (1 - 0.25 * smoothstep(0.8, 1.0, fields[:, LIP])))[:, None]
 
 
@@ -128,7 +142,9 @@ def _brow(places: np.ndarray) -> np.ndarray:
     t = (x - 12) / 40
     along = np.clip(t, 0, 1)
     middle = 16.5 + 9.0 * along - 22.0 * np.clip(t - 0.60, 0, 1) ** 1.3
-    strokes = _noise(np.stack([3 * (x * (1 - 0.45 * along) - y * (0.5 + 0.5 * along)), 0.35 * (x + y), 0 * x], 1), 11)
+    strokes = _noise(
+        np.stack([3 * (x * (1 - 0.45 * along) - y * (0.5 + 0.5 * along)), 0.35 * (x + y), 0 * x], 1), 1.0, 11
+    )
     across = (y - middle) / (4.2 * (1 - 0.62 * along)) + 0.25 * strokes
     ends = smoothstep(-0.05, 0.12, t) * smoothstep(1.04, 0.85, t)
     return 0.92 * np.exp(-(across**4)) * ends * np.clip(0.78 + 0.20 * strokes, 0.35, 1) * (places[:, 2] > 40)
@@ -138,16 +154,18 @@ def _hair(places: np.ndarray) -> np.ndarray:
     """Strength (P,) of short hair: above a ragged line, before the ear, and at the back."""
     x, y, z = np.abs(places[:, 0]), places[:, 1], places[:, 2]
     line = 67 + 8 * np.cos(np.clip(x / 40, 0, 2)) - 52 * smoothstep(47, 71, x)
-    ragged = 0.5 * _noise(places * np.array([1.6, 0.5, 1.6]), 3) + 0.5 * _noise(places * np.array([3.1, 0.9, 2.6]), 8)
+    ragged = 0.5 * _noise(places, (1.6, 0.5, 1.6), 3) + 0.5 * _noise(places, (3.1, 0.9, 2.6), 8)
     top = smoothstep(-7, 9, y - line + 3.2 * ragged)
     side = smoothstep(-22, -8, y + 2 * ragged) * smoothstep(26, 14, z + 2 * ragged) * smoothstep(64, 69, x)
     back = smoothstep(2, -12, z - 0.25 * (y + 10)) * smoothstep(-72, -45, y)
     return np.clip(np.maximum(np.maximum(top, side), back), 0, 1)
 
 
-def _noise(places: np.ndarray, seed: int) -> np.ndarray:
+def _noise(places: np.ndarray, frequency: float | Color, seed: int) -> np.ndarray:
     """Smooth noise (P,), deviation about 0.7: a sum of plane waves, the same on both sides."""
-    rng = np.random.default_rng(seed)
-    even = np.abs(places[:, :1]).astype(np.float32), places[:, 1:].astype(np.float32)
-    waves, shifts = rng.normal(size=(3, 10)).astype(np.float32), rng.uniform(0, 2 * np.pi, 10).astype(np.float32)
-    return np.sin(np.concatenate(even, 1) @ waves + shifts).sum(1) / np.float32(np.sqrt(10))
+    rng, count = np.random.default_rng(seed), 8
+    waves = (rng.normal(size=(3, count)) * np.reshape(frequency, (-1, 1))).astype(np.float32)
+    phases = places.astype(np.float32)
+    phases[:, 0] = np.abs(phases[:, 0])
+    phases = phases @ waves + rng.uniform(0, 2 * np.pi, count).astype(np.float32)
+    return np.sin(phases, out=phases).sum(1) / np.float32(np.sqrt(count))

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import NamedTuple, cast
+from typing import NamedTuple
 
 import numpy as np
-from scipy.ndimage import distance_transform_edt
 
 from blendcap.data import Camera, triangulate
 from blendcap.rendering.rasterize import rasterize
@@ -22,7 +21,7 @@ from blendcap.synthetic.mannequin.skin import (
     paint_tongue,
 )
 
-SIZE = 1024
+SIZE, BLEED = 1024, 3  # texels
 
 
 class _Texels(NamedTuple):
@@ -56,20 +55,16 @@ def painted(look: Look) -> np.ndarray:
 
 
 def _bleed(linear: np.ndarray) -> None:
-    """Give each unpainted texel near paint the color of the nearest painted one, for the sake of interpolation."""
-    near, nearest = _margin()
-    linear[near] = linear[nearest]
-
-
-@lru_cache(maxsize=1)
-def _margin() -> tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...]]:
-    bare = np.ones((SIZE, SIZE), dtype=bool)
+    """Let the colors run a few texels over the borders of their charts, for the sake of interpolation."""
+    painted = np.zeros((SIZE, SIZE), dtype=bool)
     for texels in _texels():
-        bare[texels.where] = False
-    bare[: round((1 - FLOOR) * SIZE), : SIZE // 2] = False  # the half that will be a copy
-    distance, nearest = cast(tuple[np.ndarray, np.ndarray], distance_transform_edt(bare, return_indices=True))
-    near = np.nonzero(bare & (distance < 4))
-    return near, (nearest[0][near], nearest[1][near])
+        painted[texels.where] = True
+    for _ in range(BLEED):
+        for axis, step in ((0, 1), (0, -1), (1, 1), (1, -1)):
+            beside = np.nonzero(np.roll(painted, step, axis) & ~painted)
+            source = [index - step if k == axis else index for k, index in enumerate(beside)]
+            linear[beside] = linear[tuple(source)]
+            painted[beside] = True
 
 
 @lru_cache(maxsize=1)
@@ -77,18 +72,22 @@ def _texels() -> list[_Texels]:
     head = shared()
     pixels = head.atlas.uv * [SIZE, -SIZE] + [-0.5, SIZE - 0.5]
     flat = np.concatenate([pixels, np.ones((len(pixels), 1))], 1)  # a plane at distance 1: pixels are coordinates
-    seen = rasterize(flat, triangulate(head.atlas.quads), Camera(np.eye(3), np.eye(4)), (SIZE, SIZE))
-    seen.face[: round((1 - FLOOR) * SIZE), : SIZE // 2] = -1
+    triangles = triangulate(head.atlas.quads)
+    at = head.atlas.uv[triangles]
+    wanted = np.flatnonzero((at[:, :, 0] > 0.499).any(1) | (at[:, :, 1] < FLOOR).all(1))
+    seen = rasterize(flat, triangles[wanted], Camera(np.eye(3), np.eye(4)), (SIZE, SIZE))
+    rows, columns = np.nonzero(seen.face >= 0)
+    faces = wanted[seen.face[rows, columns]]
+    weights = seen.barycentric[rows, columns].astype(np.float32)
     fields = head.surface.matrix @ cage_fields(head.cage)
     pieces = [("skin", head.surface.quads, np.concatenate([head.rest, fields], 1))]
     pieces += [(part.kind, part.quads, part.local) for part in head.parts]
     texels, first = [], 0
     for kind, quads, values in pieces:
-        triangles = triangulate(quads)
-        where = np.nonzero((seen.face >= first) & (seen.face < first + len(triangles)))
-        corners, weights = triangles[seen.face[where] - first], seen.barycentric[where].astype(np.float32)
-        table = values.astype(np.float32)
-        mixed = sum(weights[:, k, None] * table[corners[:, k]] for k in range(3))
-        texels.append(_Texels(kind, where, np.asarray(mixed)))
-        first += len(triangles)
+        own, table = triangulate(quads), values.astype(np.float32)
+        here = np.flatnonzero((faces >= first) & (faces < first + len(own)))
+        corners = own[faces[here] - first]
+        mixed = sum(weights[here, k, None] * table[corners[:, k]] for k in range(3))
+        texels.append(_Texels(kind, (rows[here], columns[here]), np.asarray(mixed)))
+        first += len(own)
     return texels
