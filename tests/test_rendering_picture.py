@@ -7,7 +7,7 @@ import pytest
 
 from blendcap.data import InputError, Mesh, Rig, triangulate
 from blendcap.rendering import Light, default_colors, face_camera, prepare, project, rasterize, render, vertex_normals
-from blendcap.rendering.color import LINEAR, to_linear, to_pixels
+from blendcap.rendering.color import LINEAR, PIXELS, STEPS, to_linear, to_srgb
 from blendcap.rendering.light import openness
 
 WHITE = (1.0, 1.0, 1.0)
@@ -51,7 +51,8 @@ def test_normals_turn_with_the_mesh_and_weigh_by_area():
 
 
 def test_every_byte_comes_back_from_linear_light():
-    np.testing.assert_array_equal(to_pixels(LINEAR), np.arange(256))
+    np.testing.assert_array_equal(PIXELS[np.round(LINEAR * (STEPS - 1)).astype(int)], np.arange(256))
+    np.testing.assert_allclose(to_srgb(to_linear(np.linspace(0, 1, 99))), np.linspace(0, 1, 99), atol=1e-7)
     assert to_linear(0.5) == pytest.approx(0.21404, abs=1e-5)
 
 

@@ -11,15 +11,12 @@ def to_linear(color: np.ndarray) -> np.ndarray:
     return np.where(color <= 0.04045, color / 12.92, ((np.maximum(color, 0) + 0.055) / 1.055) ** 2.4)
 
 
-def to_pixels(linear: np.ndarray) -> np.ndarray:
-    """sRGB uint8 of linear light 0 to 1, which is clipped."""
-    return _PIXELS[(np.clip(linear, 0, 1) * (len(_PIXELS) - 1) + 0.5).astype(np.int32)]
-
-
-def _encode(linear: np.ndarray) -> np.ndarray:
-    value = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
-    return (value * 255 + 0.5).astype(np.uint8)
+def to_srgb(linear: np.ndarray) -> np.ndarray:
+    """sRGB of linear light, both 0 to 1."""
+    linear = np.asarray(linear, dtype=np.float64)
+    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 0) ** (1 / 2.4) - 0.055)
 
 
 LINEAR = to_linear(np.arange(256) / 255)  # of each byte
-_PIXELS = _encode(np.arange(16384) / 16383)  # fine enough for every byte to come back from its linear value
+STEPS = 16384  # of linear light: fine enough for every byte to come back from its linear value
+PIXELS = (to_srgb(np.arange(STEPS) / (STEPS - 1)) * 255 + 0.5).astype(np.uint8)  # the byte of each step

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -10,12 +10,13 @@ import numpy as np
 from blendcap.data import Camera, InputError, Mesh
 from blendcap.rendering.appearance import SKIN
 from blendcap.rendering.camera import to_homogeneous
-from blendcap.rendering.color import to_linear, to_pixels
+from blendcap.rendering.color import to_linear
 from blendcap.rendering.light import box, light_camera, openness, shadow_map
 from blendcap.rendering.normals import vertex_normals
 from blendcap.rendering.parallel import each_band
 from blendcap.rendering.rasterize import BAND, visibility
 from blendcap.rendering.shading import COLOR, NORMAL, POSITION, SKY, WIDTH, Light, shade
+from blendcap.rendering.texture import NONE, Texture, texture_of
 
 SHADOW_PIXELS = 640
 STUDIO = (np.array([0.70, 0.73, 0.77]), np.array([0.86, 0.88, 0.90]))  # sRGB at the border and in the middle
@@ -58,14 +59,18 @@ class Surface:
         Those to draw.
     table : (V, WIDTH)
         What is interpolated over the triangles: position, normal, color, openness to the sky.
-    texture : (image, uv, uv_faces)
-        No faces: no texture.
+    texture : Texture
     """
 
     vertices: np.ndarray
     faces: np.ndarray
     table: np.ndarray
-    texture: tuple[np.ndarray, np.ndarray, np.ndarray]
+    texture: Texture
+
+    def posed(self, vertices: np.ndarray) -> Surface:
+        """The same surface with other vertices (V, 3), mm."""
+        vertices = np.ascontiguousarray(vertices, dtype=np.float64)
+        return replace(self, vertices=vertices, table=_formed(self.table, vertices, self.faces))
 
     def picture(self, camera: Camera, size: tuple[int, int], *, light: Light | None = None, background=None):
         """Picture (H, W, 3) uint8, sRGB; see `render`."""
@@ -76,12 +81,11 @@ class Surface:
         seen = visibility(corners, self.faces, (2 * size[0], 2 * size[1]))
         shadow = _shadow(self.vertices, self.faces, directions[0])
         backdrop = _backdrop(background, size)
-        linear = np.empty((size[1], size[0], 3))
-        picture = np.empty(linear.shape, dtype=np.uint8)
+        texture = self.texture.at(corners, self.faces)
+        picture = np.empty((size[1], size[0], 3), dtype=np.uint8)
 
         def paint(top: int, bottom: int) -> None:
-            shade(corners, self.faces, *seen, self.table, self.texture, scene, shadow, backdrop, top, bottom, linear)
-            picture[top:bottom] = to_pixels(linear[top:bottom])
+            shade(corners, self.faces, *seen, self.table, texture, scene, shadow, backdrop, top, bottom, picture)
 
         each_band(size[1], BAND // 2, paint)
         return picture
@@ -89,32 +93,24 @@ class Surface:
 
 def prepare(mesh: Mesh, color: np.ndarray | tuple[float, float, float] | None = None) -> Surface:
     """The mesh with its normals, colors and ambient occlusion; see `render` for `color`."""
-    faces, texture = _visible(mesh, color)
-    return Surface(mesh.vertices, faces, _table(mesh, color, faces), texture)
-
-
-def _visible(mesh: Mesh, color) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """The faces to draw, and the texture, its coordinates and its faces (none: no texture)."""
     keep = slice(None)
     if color is not None and np.isnan(color).any():
         hidden = np.broadcast_to(np.isnan(color).any(-1), len(mesh.vertices))
         keep = ~hidden[mesh.faces].any(1)
     faces = np.ascontiguousarray(mesh.faces[keep])
-    if color is not None or mesh.texture is None or mesh.uv is None or mesh.uv_faces is None:
-        return faces, (np.zeros((1, 1, 3), dtype=np.uint8), np.zeros((1, 2)), np.zeros((0, 3), dtype=np.int64))
-    image = mesh.texture if mesh.texture.shape[2] >= 3 else np.repeat(mesh.texture[:, :, :1], 3, axis=2)
-    return faces, (image, mesh.uv, np.ascontiguousarray(mesh.uv_faces[keep]))
-
-
-def _table(mesh: Mesh, color, faces: np.ndarray) -> np.ndarray:
-    """What is interpolated over the triangles, (V, WIDTH)."""
     table = np.empty((len(mesh.vertices), WIDTH))
-    normals = vertex_normals(mesh.vertices, faces)
-    table[:, POSITION : POSITION + 3] = mesh.vertices
-    table[:, NORMAL : NORMAL + 3] = normals
     table[:, COLOR : COLOR + 3] = to_linear(np.asarray(SKIN if color is None else color, dtype=np.float64))
-    table[:, SKY] = openness(mesh.vertices, normals, faces)
-    return table
+    texture = NONE if color is not None else texture_of(mesh, keep)
+    return Surface(mesh.vertices, faces, _formed(table, mesh.vertices, faces), texture)
+
+
+def _formed(table: np.ndarray, vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """The table with the positions, normals and openness of these vertices."""
+    formed = table.copy()
+    formed[:, POSITION : POSITION + 3] = vertices
+    formed[:, NORMAL : NORMAL + 3] = vertex_normals(vertices, faces)
+    formed[:, SKY] = openness(vertices, formed[:, NORMAL : NORMAL + 3], faces)
+    return formed
 
 
 def _doubled(camera: Camera) -> Camera:

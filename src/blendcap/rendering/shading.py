@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from blendcap.rendering.color import LINEAR
+from blendcap.rendering.color import LINEAR, PIXELS, STEPS
 from blendcap.rendering.rasterize import weights_at
 
 # columns of the table of what is interpolated over a triangle
@@ -45,70 +45,64 @@ class Light:
 
 @njit(cache=True, nogil=True, fastmath=True)
 def shade(corners, faces, face, nearness, table, texture, scene, shadow, backdrop, top, bottom, out):
-    """Write rows `top` to `bottom` of `out` (H, W, 3), linear 0 to 1, from a z-buffer of twice the size.
+    """Write rows `top` to `bottom` of `out` (H, W, 3), sRGB bytes, from a z-buffer of twice the size.
 
-    The four samples of a pixel are shaded as one where they lie on one surface, and each for itself where they do not.
+    A pixel whose four samples lie on one surface is shaded once, in its middle; at an edge each sample is.
     """
     point = np.empty(WIDTH)
     for y in range(top, bottom):
         for x in range(out.shape[1]):
-            near, far, covered, alike = 0.0, np.inf, 0, True
-            first = face[2 * y, 2 * x]
+            near, far, covered = 0.0, np.inf, 0
             for s in range(4):
-                f, inverse = face[2 * y + s // 2, 2 * x + s % 2], nearness[2 * y + s // 2, 2 * x + s % 2]
-                covered += f >= 0
-                alike = alike and f == first
-                near, far = max(near, inverse), min(far, inverse)
-            red, green, blue = 0.0, 0.0, 0.0
-            if covered == 4 and (alike or near < far * (1 + SAME_DEPTH)):
-                point[:] = 0
-                if alike:
-                    add_sample(corners, faces, first, 2 * x + 0.5, 2 * y + 0.5, table, texture, 1.0, point)
-                else:
-                    for s in range(4):
-                        row, column = 2 * y + s // 2, 2 * x + s % 2
-                        add_sample(corners, faces, face[row, column], column, row, table, texture, 0.25, point)
+                row, column = 2 * y + s // 2, 2 * x + s % 2
+                covered += face[row, column] >= 0
+                near, far = max(near, nearness[row, column]), min(far, nearness[row, column])
+            if covered == 4 and near < far * (1 + SAME_DEPTH):
+                look_up(corners, faces, face[2 * y, 2 * x], 2 * x + 0.5, 2 * y + 0.5, table, texture, point)
                 red, green, blue = light(point, scene, shadow)
             else:
+                free = 1 - covered / 4
+                red, green, blue = free * backdrop[y, x, 0], free * backdrop[y, x, 1], free * backdrop[y, x, 2]
                 for s in range(4 if covered else 0):
                     row, column = 2 * y + s // 2, 2 * x + s % 2
                     if face[row, column] >= 0:
-                        point[:] = 0
-                        add_sample(corners, faces, face[row, column], column, row, table, texture, 1.0, point)
+                        look_up(corners, faces, face[row, column], column, row, table, texture, point)
                         r, g, b = light(point, scene, shadow)
                         red, green, blue = red + r / 4, green + g / 4, blue + b / 4
-                free = 1 - covered / 4
-                red, green = red + free * backdrop[y, x, 0], green + free * backdrop[y, x, 1]
-                blue += free * backdrop[y, x, 2]
-            out[y, x, 0], out[y, x, 1], out[y, x, 2] = red, green, blue
+            out[y, x, 0], out[y, x, 1], out[y, x, 2] = _byte(red), _byte(green), _byte(blue)
+
+
+@njit(cache=True, nogil=True)
+def _byte(linear):
+    return PIXELS[int(min(max(linear, 0.0), 1.0) * (STEPS - 1) + 0.5)]
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def add_sample(corners, faces, f, x, y, table, texture, share, out):
-    """Add what the table says at a pixel of face `f`; the inside of the surface turns its normal and is dark."""
+def look_up(corners, faces, f, x, y, table, texture, out):
+    """What the table says at a pixel in or near face `f`; the inside of the surface turns its normal and is dark."""
     i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
     u, v, w, back = weights_at(corners, i, j, k, x, y)
-    u, v, w = share * u, share * v, share * w
-    for c in range(POSITION, NORMAL):
-        out[c] += u * table[i, c] + v * table[j, c] + w * table[k, c]
-    turn, dim = (-1.0, INSIDE) if back else (1.0, 1.0)
-    for c in range(NORMAL, COLOR):
-        out[c] += turn * (u * table[i, c] + v * table[j, c] + w * table[k, c])
-    out[SKY] += u * table[i, SKY] + v * table[j, SKY] + w * table[k, SKY]
+    u, v, w = max(u, 0.0), max(v, 0.0), max(w, 0.0)
+    total = u + v + w
+    u, v, w = u / total, v / total, w / total
+    for c in range(WIDTH):
+        out[c] = u * table[i, c] + v * table[j, c] + w * table[k, c]
     image, uv, uv_faces = texture
-    if len(uv_faces) == 0:
-        for c in range(COLOR, SKY):
-            out[c] += dim * (u * table[i, c] + v * table[j, c] + w * table[k, c])
-    else:
+    if len(uv_faces) > 0:
         i, j, k = uv_faces[f, 0], uv_faces[f, 1], uv_faces[f, 2]
-        s = (u * uv[i, 0] + v * uv[j, 0] + w * uv[k, 0]) / share
-        t = (u * uv[i, 1] + v * uv[j, 1] + w * uv[k, 1]) / share
-        _add_texel(image, s, t, share * dim, out)
+        s = u * uv[i, 0] + v * uv[j, 0] + w * uv[k, 0]
+        t = u * uv[i, 1] + v * uv[j, 1] + w * uv[k, 1]
+        _texel(image, s, t, out)
+    if back:
+        for c in range(NORMAL, NORMAL + 3):
+            out[c] = -out[c]
+        for c in range(COLOR, COLOR + 3):
+            out[c] *= INSIDE
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _add_texel(image, s, t, share, out):
-    """Add a bilinear look-up of an image (H, W, 3), sRGB, at texture coordinates with v up; the border goes on."""
+def _texel(image, s, t, out):
+    """Bilinear look-up of an image (H, W, 3), sRGB, at texture coordinates with v up; the border goes on."""
     height, width = image.shape[0], image.shape[1]
     x = min(max(s * width - 0.5, 0.0), width - 1.0)
     y = min(max((1 - t) * height - 0.5, 0.0), height - 1.0)
@@ -118,7 +112,7 @@ def _add_texel(image, s, t, share, out):
     for c in range(3):
         upper = (1 - a) * LINEAR[image[top, left, c]] + a * LINEAR[image[top, right, c]]
         lower = (1 - a) * LINEAR[image[low, left, c]] + a * LINEAR[image[low, right, c]]
-        out[COLOR + c] += share * ((1 - b) * upper + b * lower)
+        out[COLOR + c] = (1 - b) * upper + b * lower
 
 
 @njit(cache=True, nogil=True, fastmath=True)

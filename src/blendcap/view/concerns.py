@@ -64,7 +64,7 @@ def _conflicts(rig: Rig, solution: Solution) -> list[str]:
     """Pairs of shapes that undo each other and are on together."""
     weights = weights_on(rig, solution.animation)
     used = np.flatnonzero((weights > TOGETHER).any(0))
-    motion = rig.deltas[used].reshape(len(used), -1)
+    motion = rig.deltas.reshape(len(rig.names), -1)[used]
     length = np.sqrt(np.einsum("nv,nv->n", motion, motion, dtype=np.float64))
     cosine = (motion @ motion.T) / np.maximum(np.outer(length, length), 1e-12)
     said = []

@@ -85,7 +85,7 @@ def film(content: bytes, kind: str) -> str:
     """An MP4 or GIF inside the page."""
     if kind == "image/gif":
         return f'<img alt="preview" src="{data_uri(content, kind)}">'
-    return f'<video controls loop muted playsinline src="{data_uri(content, kind)}"></video>'
+    return f'<video controls loop muted playsinline preload="auto" src="{data_uri(content, kind)}"></video>'
 
 
 def data_uri(content: bytes, kind: str) -> str:

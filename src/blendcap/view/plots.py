@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from blendcap.data import Animation, Binding, InputError, Rig, Solution
+from blendcap.data import Animation, Binding, InputError, Mesh, Rig, Solution
 from blendcap.view.posing import weights_on
 from blendcap.view.style import BLUE, GREEN, GRID, INK, RED, SIX, new_figure, plain, styled, thinned
 
@@ -91,7 +91,7 @@ def plot_markers(rig: Rig, solution: Solution, frame: int | None = None) -> Figu
     if not 0 <= frame < count:
         raise InputError(f"There is no frame {frame} in the solution; it has {count} (0 to {count - 1}).")
     target, fitted = solution.targets[frame], solution.fitted[frame]
-    face = rig.pose(weights_on(rig, solution.animation)[frame])
+    face = rig.pose(weights_on(rig, solution.animation)[frame])[_skin(rig.mesh)]
     sides = (("front", np.array([1, 1, 0]), 0), ("side", np.array([1, 1, -1]), 2))  # from the side it looks to the left
     spans = [_around(fitted[:, axis], room) for axis, room in ((0, 0.0), (2, 45.0), (1, 0.0))]
     ratios = [high - low for low, high in spans]
@@ -202,6 +202,18 @@ def _over_time(axes: Axes, times: np.ndarray, label: str, title: str) -> None:
 def _span(times: np.ndarray) -> tuple[float, float]:
     """The stretch of time to show; not empty for a single frame."""
     return float(times[0]), float(max(times[-1], times[0] + 1e-3))
+
+
+def _skin(mesh: Mesh) -> np.ndarray:
+    """The vertices of the largest piece of a mesh: not its eyes and teeth."""
+    from scipy import sparse
+    from scipy.sparse.csgraph import connected_components
+
+    count = len(mesh.vertices)
+    edges = np.concatenate([mesh.faces[:, :2], mesh.faces[:, 1:]])
+    graph = sparse.coo_matrix((np.ones(len(edges)), edges.T), shape=(count, count))
+    piece = connected_components(graph, directed=False)[1]
+    return np.flatnonzero(piece == np.bincount(piece).argmax())
 
 
 def _compare(axes: Axes, face: np.ndarray, target: np.ndarray, fitted: np.ndarray, axis: int) -> None:

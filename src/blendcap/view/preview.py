@@ -56,10 +56,10 @@ def write_preview(
 
 
 def _frames(rig, animation, size, yaws, targets, fitted, title, progress) -> Iterator[np.ndarray]:
-    weights, colors = weights_on(rig, animation), default_colors(rig)
+    weights, neutral = weights_on(rig, animation), prepare(rig.mesh, default_colors(rig))
     views = side_by_side(rig, size, yaws)
     for t, row in enumerate(weights):
-        surface = prepare(rig.mesh.with_vertices(rig.pose(row)), colors)
+        surface = neutral.posed(rig.pose(row))
         marked = [None if points is None else points[t] for points in (targets, fitted)]
         parts = [surface.picture(camera, part) for camera, part in views]
         for picture, (camera, _) in zip(parts, views, strict=True):

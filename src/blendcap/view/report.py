@@ -84,10 +84,9 @@ def _summary(solution: Solution) -> str:
             ),
             (f"worst marker: {worst}", _mm(per_marker[known].max() if known.any() else np.nan), ""),
             ("of the markers were missing", f"{np.isnan(solution.residuals).mean():.1%}", ""),
-            ("from the exact optimum (KKT)", f"{proof.max_kkt:.1e}", "good" if proof.converged else "bad"),
             (
-                "every frame at its optimum" if proof.converged else "not every frame at its optimum",
-                "proved" if proof.converged else "no",
+                "from the exact optimum, at most: " + ("proved for every frame" if proof.converged else "not reached"),
+                f"{proof.max_kkt:.1e}",
                 "good" if proof.converged else "bad",
             ),
             ("to solve", f"{sum(solution.seconds.values()):.2f} s", ""),

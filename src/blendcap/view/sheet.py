@@ -38,8 +38,7 @@ def contact_sheet(rig: Rig, *, columns: int = 8, cell: int = 200) -> np.ndarray:
 
 
 def _cells(rig: Rig, size: tuple[int, int]) -> Iterator[np.ndarray]:
-    colors, framed = default_colors(rig), framed_vertices(rig)
-    neutral = prepare(rig.mesh, colors)
+    neutral, framed = prepare(rig.mesh, default_colors(rig)), framed_vertices(rig)
     for name, yaw in SIDES.items():
         yield _named(neutral.picture(face_camera(framed, size, yaw), size), name)
     camera = face_camera(framed, size)
@@ -47,8 +46,7 @@ def _cells(rig: Rig, size: tuple[int, int]) -> Iterator[np.ndarray]:
         weights = np.zeros(len(rig.names))
         weights[[rig.index(driver) for driver in rig.combinations.get(name, ())]] = 1
         weights[n] = rig.bounds[n, 1]
-        surface = prepare(rig.mesh.with_vertices(rig.pose(weights)), colors)
-        yield _named(surface.picture(camera, size), name)
+        yield _named(neutral.posed(rig.pose(weights)).picture(camera, size), name)
 
 
 def _named(picture: np.ndarray, name: str) -> np.ndarray:
