@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from blendcap.data.checks import ANY, array
 from blendcap.data.errors import InputError
+from blendcap.numerics._gradient import worst_residuals
 
 MAX_UNKNOWNS = 320
 FLOOR = 1e-12  # of the largest diagonal element: the least curvature that an unknown is given
 TOLERANCE = 1e-9  # largest optimality residual of an answer that counts as converged
-CHUNK = 4096  # frames whose residuals are formed at once
+BLOCKS = 64
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,21 +46,25 @@ class BoxProblem:
         curvature = np.diag(self.gram) + np.where(np.isfinite(least), least, 0.0)
         return np.maximum(curvature, FLOOR * max(curvature.max(), np.finfo(float).tiny / FLOOR))
 
-    def gradient(self, weights: np.ndarray) -> np.ndarray:
-        """Half the gradient, (T, N): `(G_t + diag d_t) a_t + l_t`."""
-        result = weights @ self.gram + self.linear + self.diagonal * weights
-        if self.missing.size:
-            flat = self.rows.reshape(-1, len(self.gram))
-            gone = np.repeat(self.missing, self.rows.shape[1], axis=1)
-            result -= np.where(gone, weights @ flat.T, 0.0) @ flat
-        return result
+    def without_gaps(self, usable: np.ndarray) -> BoxProblem:
+        """The same problem with zeros in the frames that hold numbers that are not finite."""
+        if usable.all():
+            return self
+        linear = np.where(usable[:, None], self.linear, 0.0)
+        diagonal = self.diagonal if len(self.diagonal) == 1 else np.where(usable[:, None], self.diagonal, 0.0)
+        return replace(self, linear=linear, diagonal=diagonal)
 
-    def frames(self, span: slice) -> BoxProblem:
-        """The same problem over some of its frames."""
-        one = len(self.diagonal) == 1
-        missing = self.missing[span] if self.missing.size else self.missing
-        diagonal = self.diagonal if one else self.diagonal[span]
-        return BoxProblem(self.gram, self.linear[span], diagonal, self.lower, self.upper, self.rows, missing)
+    def arrays(self) -> tuple[np.ndarray, ...]:
+        """The fields as the kernels take them: the Gram matrix padded by a row and some columns of zeros.
+
+        What the caller may own is read-only in every case, so that one compiled kernel serves all.
+        """
+        m = len(self.gram)
+        gram = np.zeros((m + 1, (m + 8) & -8))
+        gram[:m, :m] = self.gram
+        rows = np.zeros((*self.rows.shape[:2], gram.shape[1]))
+        rows[..., :m] = self.rows
+        return gram, _frozen(self.linear), _frozen(self.diagonal), self.lower, self.upper, rows, _frozen(self.missing)
 
 
 def box_problem(gram, linear, diagonal, lower, upper, rows, missing) -> BoxProblem:
@@ -80,7 +85,7 @@ def box_problem(gram, linear, diagonal, lower, upper, rows, missing) -> BoxProbl
     if (rows is None) != (missing is None):
         raise InputError("rows and missing belong together; give both or neither.")
     if rows is None:
-        return BoxProblem(gram, linear, diagonal, lower, upper, np.zeros((0, 1, n)), np.zeros((0, 0), bool))
+        return BoxProblem(gram, linear, diagonal, lower, upper, np.zeros((0, 1, n)), np.zeros((frames, 0), bool))
     rows = array(rows, (ANY, ANY, n), "rows", finite=True)
     missing = array(missing, (frames, len(rows)), "missing", dtype=bool)
     return BoxProblem(gram, linear, diagonal, lower, upper, rows, missing)
@@ -92,36 +97,21 @@ def residuals(problem: BoxProblem, weights: np.ndarray, coupling: np.ndarray | N
     It is formed anew from the weights, so it does not trust the solver. `diag H` is the curvature of the whole
     problem along each unknown: `diag(gram) + diagonal`, and the couplings where there are any.
     """
-    result = np.empty(len(weights))
-    curvature = problem.curvature
-    for first in range(0, len(weights), CHUNK):
-        span = slice(first, first + CHUNK)
-        part, a = problem.frames(span), weights[span]
-        slope, stiff = part.gradient(a), np.maximum(curvature, np.diag(problem.gram) + part.diagonal)
-        if coupling is not None:
-            extra, pull = _chain(weights, coupling, first, first + len(a))
-            slope, stiff = slope + pull, stiff + extra
-        step = a - np.clip(a - slope / stiff, problem.lower, problem.upper)
-        result[span] = np.abs(step).max(1)
-    return np.where(np.isnan(result), np.inf, result)
+    links = np.zeros((0, weights.shape[1])) if coupling is None else coupling
+    worst = np.empty(len(weights))
+    worst_residuals(problem.arrays(), links, problem.curvature, weights, worst, blocks(len(weights)))
+    return worst
+
+
+def blocks(frames: int) -> int:
+    """How many runs of frames the threads share; it does not depend on their number."""
+    return max(1, min(BLOCKS, frames))
 
 
 def accuracy(weights: np.ndarray) -> float:
     """The residual up to which weights of this size count as optimal."""
     finite = np.abs(weights[np.isfinite(weights)])
     return TOLERANCE * max(1.0, float(finite.max(initial=0.0)))
-
-
-def _chain(weights: np.ndarray, coupling: np.ndarray, first: int, last: int) -> tuple[np.ndarray, np.ndarray]:
-    """What the couplings add to the curvature and to half the gradient of frames first..last."""
-    before = coupling[first:last]
-    after = np.zeros_like(before)
-    after[: len(coupling) - 1 - first] = coupling[first + 1 : last + 1]
-    a = weights[first:last]
-    previous = weights[np.maximum(np.arange(first, last) - 1, 0)]
-    following = weights[np.minimum(np.arange(first, last) + 1, len(weights) - 1)]
-    pull = np.where(before > 0, before * (a - previous), 0) + np.where(after > 0, after * (a - following), 0)
-    return before + after, pull
 
 
 def _bound(values: ArrayLike, n: int, what: str) -> np.ndarray:
@@ -132,3 +122,9 @@ def _bound(values: ArrayLike, n: int, what: str) -> np.ndarray:
     if np.isnan(result).any():
         raise InputError(f"{what} holds a NaN at unknown {int(np.argmax(np.isnan(result)))}; use an infinity for none.")
     return result
+
+
+def _frozen(values: np.ndarray) -> np.ndarray:
+    view = values.view()
+    view.flags.writeable = False
+    return view

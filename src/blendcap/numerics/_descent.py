@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from blendcap.numerics._cholesky import FAST, back_substitute, factor
-from blendcap.numerics._pivoting import FREE, LOWER, UPPER, gather
+from blendcap.numerics._cholesky import FAST, STRIDE, back_substitute, factor
+from blendcap.numerics._pivoting import FREE, LOWER, UPPER, gather, pack
 
 
 @njit(fastmath=FAST, error_model="numpy", cache=True)
@@ -15,7 +15,7 @@ def descend(gram, diagonal, linear, lower, upper, state, x, g, work, most):
 
     Returns the rounds it took, or -1 if `most` were not enough; x is feasible and no worse than at the start.
     """
-    a, y, free, _ = work
+    (a, _, _), (y, _, _, _), (free, _, _), _, (one, _) = work
     m = state.size
     tolerance = 1e-13 * max(1.0, np.abs(linear).max())
     for i in range(m):
@@ -25,17 +25,16 @@ def descend(gram, diagonal, linear, lower, upper, state, x, g, work, most):
         move = sweep(gram, diagonal, lower, upper, x, g)
         if move <= tolerance:
             return rounds
-        k = 0
         for i in range(m):
             low, high = x[i] <= lower[i] and g[i] >= 0, x[i] >= upper[i] and g[i] <= 0
             state[i] = LOWER if low else (UPPER if high else FREE)
-            free[k] = i
-            k += state[i] == FREE
+        k = pack(state, FREE, free)
         n = (k + 3) & -4
-        free[k:n] = m
-        gather(gram, diagonal, g, free, k, n, (n + 8) & -8, a)
-        factor(a, n, (n + 8) & -8)
-        back_substitute(a, n, y)
+        gather(gram, diagonal, free, k, n, (n + 8) & -8, a)
+        for i in range(k):
+            a[i * STRIDE + n] = -g[free[i]]
+        factor(a, n, (n + 8) & -8, one)
+        back_substitute(a, n, a[n:], STRIDE, y)
         reach = 1.0
         for i in range(k):
             j = free[i]

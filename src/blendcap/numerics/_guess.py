@@ -7,7 +7,7 @@ from numba import njit, prange
 
 from blendcap.numerics._cholesky import FAST, STRIDE
 
-STEPS = 12
+STEPS = 6
 PENALTY = 2.5
 RELAXATION = np.float32(1.8)
 
@@ -32,8 +32,9 @@ def multiply(w, matrix, v, n, width):
 
 
 @njit(parallel=True, fastmath=FAST, error_model="numpy", cache=True)
-def guess_all(unbound, matrix, penalty, slack, lower, upper, states, blocks):
+def guess_all(unbound, matrix, single, states, blocks):
     """Over-relaxed ADMM, four frames at a time."""
+    penalty, slack, lower, upper = single
     frames, m = unbound.shape
     one, relax = np.float32(1), RELAXATION
     width = (m + 15) & -16
@@ -85,6 +86,6 @@ def guess_states(gram, diagonal, linear, lower, upper, blocks):
     matrix = np.zeros((m + 8, STRIDE), np.float32)
     matrix[:m, :m] = inverse
     states = np.empty(linear.shape, np.int8)
-    single = [np.asarray(v, np.float32) for v in (penalty, top - diagonal, lower, upper)]
-    guess_all(linear @ inverse, matrix.ravel(), *single, states, blocks)  # in double: linear is large and cancels
+    single = tuple(np.asarray(v, np.float32) for v in (penalty, top - diagonal, lower, upper))
+    guess_all(linear @ inverse, matrix.ravel(), single, states, blocks)  # in double: linear is large and cancels
     return states

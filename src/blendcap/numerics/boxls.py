@@ -8,14 +8,12 @@ from numpy.typing import ArrayLike
 
 from blendcap.data.checks import array
 from blendcap.data.solution import Certificate
-from blendcap.numerics._boxproblem import BoxProblem, accuracy, box_problem, residuals
-from blendcap.numerics._cholesky import STRIDE
+from blendcap.numerics._boxproblem import BoxProblem, accuracy, blocks, box_problem, residuals
 from blendcap.numerics._descent import descend
 from blendcap.numerics._guess import guess_states
-from blendcap.numerics._pivoting import FREE, LOWER, UPPER, pivot
+from blendcap.numerics._pivoting import FREE, LOWER, UPPER, pivot, workspace
 from blendcap.numerics._seen import seen_gram, seen_start
 
-BLOCKS = 64  # of frames, handed to the threads
 FEW = 64  # frames below which the guess costs more than it saves
 
 
@@ -62,10 +60,9 @@ def solve_box(
     states = first_states(scaled, scale, start)
     weights = np.empty_like(problem.linear)
     rounds = np.empty(len(weights), np.int64)
-    chained = states is None
-    if states is None:
-        states = np.zeros(weights.shape, np.int8)
-    _solve_all(*arrays(scaled), problem.usable, states, chained, weights, rounds, min(BLOCKS, max(len(weights), 1)))
+    given = states is not None
+    states = np.zeros((1, 1), np.int8) if states is None else states
+    _solve_all(scaled.arrays(), problem.usable, states, given, weights, rounds, blocks(len(weights)))
     weights /= scale
     np.clip(weights, problem.lower, problem.upper, out=weights)
     worst = residuals(problem, weights)
@@ -82,18 +79,7 @@ def scaled_problem(problem: BoxProblem) -> tuple[BoxProblem, np.ndarray]:
     extra = (problem.diagonal - (curvature - np.diag(problem.gram))) / curvature
     np.fill_diagonal(gram, 1.0)
     rows, lower, upper = problem.rows / scale, problem.lower * scale, problem.upper * scale
-    missing = problem.missing if problem.missing.size else np.zeros((len(problem.linear), 0), bool)
-    return BoxProblem(gram, problem.linear / scale, extra, lower, upper, rows, missing), scale
-
-
-def arrays(problem: BoxProblem) -> tuple[np.ndarray, ...]:
-    """The arrays of a scaled problem as the kernels take them: the Gram matrix padded by a zero row and columns."""
-    m = len(problem.gram)
-    gram = np.zeros((m + 1, (m + 8) & -8))
-    gram[:m, :m] = problem.gram
-    rows = np.zeros((*problem.rows.shape[:2], gram.shape[1]))
-    rows[..., :m] = problem.rows
-    return gram, problem.linear, problem.diagonal, problem.lower, problem.upper, rows, problem.missing
+    return BoxProblem(gram, problem.linear / scale, extra, lower, upper, rows, problem.missing), scale
 
 
 def first_states(problem: BoxProblem, scale: np.ndarray, start: ArrayLike | None) -> np.ndarray | None:
@@ -104,34 +90,41 @@ def first_states(problem: BoxProblem, scale: np.ndarray, start: ArrayLike | None
         return (x > problem.lower).astype(np.int8) + (x >= problem.upper).astype(np.int8)
     if frames < FEW:
         return None
-    usable = problem.usable[:, None]
-    linear = np.where(usable, problem.linear, 0.0)
-    diagonal = problem.diagonal if len(problem.diagonal) == 1 else np.where(usable, problem.diagonal, 0.0)
-    return guess_states(problem.gram, diagonal, linear, problem.lower, problem.upper, min(BLOCKS, frames))
+    calm = problem.without_gaps(problem.usable)
+    return guess_states(calm.gram, calm.diagonal, calm.linear, calm.lower, calm.upper, blocks(frames))
 
 
 @njit(parallel=True, error_model="numpy", cache=True)
-def _solve_all(gram, linear, diagonal, lower, upper, rows, missing, usable, states, chained, weights, rounds, blocks):
+def _solve_all(box, usable, states, given, weights, rounds, count):
+    """All frames; each begins with its given states, or with those of the frame before."""
+    gram, linear, diagonal, lower, upper, rows, missing = box
     frames, m = linear.shape
-    for b in prange(blocks):
-        g, following = np.zeros(gram.shape[1]), np.zeros(m, np.int8)
-        work = (np.zeros((m + 8) * STRIDE), np.zeros(m + 8), np.zeros(m + 8, np.uint32), following)
-        seen = seen_start(gram, missing)
-        first = b * frames // blocks
-        for t in range(first, (b + 1) * frames // blocks):
-            x, state, d = weights[t], states[t], diagonal[t if len(diagonal) > 1 else 0]
+    for b in prange(count):
+        work, g = workspace(m), np.zeros(gram.shape[1])
+        seen, state = seen_start(gram, missing), np.zeros(m, np.int8)
+        for t in range(b * frames // count, (b + 1) * frames // count):
+            weights[t], rounds[t] = np.nan, 0
             if not usable[t]:
-                x[:] = np.nan
-                rounds[t] = 0
                 continue
-            if chained and t > first:
-                state[:] = states[t - 1]
-            for i in range(m):
-                if (state[i] == LOWER and lower[i] == -np.inf) or (state[i] == UPPER and upper[i] == np.inf):
-                    state[i] = FREE
-            h = seen_gram(seen, gram, rows, missing, t)
-            most = 100 + 2 * m
-            count = pivot(h, d, linear[t], lower, upper, state, x, g, work, most)
-            if count < 0:
-                count = most + abs(descend(h, d, linear[t], lower, upper, state, x, g, work, most))
-            rounds[t] = count
+            if given:
+                state[:] = states[t]
+            allow(lower, upper, state)
+            h, d = seen_gram(seen, gram, rows, missing, t), diagonal[t if len(diagonal) > 1 else 0]
+            rounds[t] = solve_alone(h, d, linear[t], lower, upper, state, weights[t], g, work, 100 + 2 * m)
+
+
+@njit(error_model="numpy", cache=True)
+def allow(lower, upper, state):
+    """Free the unknowns that have no bound where they are said to be."""
+    for i in range(state.size):
+        if (state[i] == LOWER and lower[i] == -np.inf) or (state[i] == UPPER and upper[i] == np.inf):
+            state[i] = FREE
+
+
+@njit(error_model="numpy", cache=True)
+def solve_alone(gram, diagonal, linear, lower, upper, state, x, g, work, most):
+    """One frame by pivoting and, should that not end, by descent; returns the rounds."""
+    count = pivot(gram, diagonal, linear, lower, upper, state, x, g, work, most)
+    if count < 0:
+        count = most + abs(descend(gram, diagonal, linear, lower, upper, state, x, g, work, most))
+    return count

@@ -1,0 +1,78 @@
+"""The gradient of the whole objective, and how far an answer is from the optimum."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit, prange
+
+from blendcap.numerics._cholesky import FAST
+
+
+@njit(parallel=True, error_model="numpy", cache=True)
+def gradients(box, coupling, x, g, todo, blocks):
+    """g = half the gradient at x, in the frames to do. `coupling` has no rows where frames do not touch."""
+    frames, m = x.shape
+    width = box[0].shape[1]
+    for b in prange(blocks):
+        h = np.zeros(width)
+        for t in range(b * frames // blocks, (b + 1) * frames // blocks):
+            if todo[t]:
+                slope(box, coupling, x, t, h)
+                for i in range(m):
+                    g[t, i] = h[i]
+
+
+@njit(parallel=True, error_model="numpy", cache=True)
+def worst_residuals(box, coupling, curvature, x, worst, blocks):
+    """`max_i |x - clip(x - gradient / (2 diag H), lower, upper)|` of each frame, infinite where it is not a number."""
+    frames, m = x.shape
+    gram, _, diagonal, lower, upper, _, _ = box
+    for b in prange(blocks):
+        h = np.zeros(gram.shape[1])
+        for t in range(b * frames // blocks, (b + 1) * frames // blocks):
+            slope(box, coupling, x, t, h)
+            d = diagonal[t if len(diagonal) > 1 else 0]
+            largest, total = 0.0, 0.0
+            for i in range(m):
+                stiff = max(curvature[i], gram[i, i] + d[i])
+                if len(coupling):
+                    stiff += coupling[t, i] + (coupling[t + 1, i] if t + 1 < frames else 0.0)
+                a = x[t, i]
+                step = a - min(upper[i], max(lower[i], a - h[i] / stiff))
+                largest = max(largest, abs(step))
+                total += h[i] + a  # maxima hide a NaN, sums do not
+            worst[t] = largest if np.isfinite(total) else np.inf
+
+
+@njit(fastmath=FAST, error_model="numpy", cache=True)
+def slope(box, coupling, x, t, h):
+    """h = half the gradient of frame t; its padding is scratch."""
+    gram, linear, diagonal, _, _, rows, missing = box
+    frames, m = x.shape
+    a, f, d = x[t], linear[t], diagonal[t if len(diagonal) > 1 else 0]
+    h[:] = 0.0
+    for i in range(m):
+        if a[i] != 0:
+            row, c = gram[i], a[i]
+            for j in range(h.size):
+                h[j] += c * row[j]
+    for k in range(missing.shape[1]):
+        if missing[t, k]:
+            for p in range(rows.shape[1]):
+                row, c = rows[k, p], 0.0
+                for j in range(m):
+                    c += row[j] * a[j]
+                for j in range(h.size):
+                    h[j] -= c * row[j]
+    for i in range(m):
+        h[i] += f[i] + d[i] * a[i]
+    if len(coupling) and t > 0:
+        c, other = coupling[t], x[t - 1]
+        for i in range(m):
+            if c[i] > 0:  # a frame without an answer is NaN, and not coupled
+                h[i] += c[i] * (a[i] - other[i])
+    if len(coupling) and t + 1 < frames:
+        c, other = coupling[t + 1], x[t + 1]
+        for i in range(m):
+            if c[i] > 0:
+                h[i] += c[i] * (a[i] - other[i])
