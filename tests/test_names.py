@@ -1,0 +1,57 @@
+"""Names of shapes."""
+
+import numpy as np
+import pytest
+
+from blendcap.data.names import ARKIT52, HEAD_AND_EYES, canonical, match, mirror_map, mirror_name
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["eyeBlink_L", "EyeBlinkLeft", "eyeBlinkLeft", "eyeBlink_left", "eyeBlink.L", "eye_blink_left", "head:eyeBlink_L",
+     "blendShape2.eyeBlink_L", "face|EyeBlinkLeft", "eye blink_L"],
+)  # fmt: skip
+def test_spellings_of_one_shape(name):
+    assert canonical(name) == "eyeBlinkLeft"
+
+
+def test_the_vocabulary_is_whole_and_already_canonical():
+    assert len(set(ARKIT52)) == 52
+    assert all(canonical(name) == name for name in (*ARKIT52, *HEAD_AND_EYES))
+
+
+@pytest.mark.parametrize(
+    ("name", "other"),
+    [("jawLeft", "jawRight"), ("mouthLeft", "mouthRight"), ("eyeLookOutLeft", "eyeLookOutRight"), ("brow_L", "brow_R"),
+     ("leftEyeYaw", "rightEyeYaw"), ("brow_l", "brow_r"), ("brow.R", "brow.L"), ("left_brow", "right_brow"),
+     ("jawOpen", "jawOpen"), ("brightness", "brightness"), ("cleft", "cleft"), ("mouthLeftCorner", "mouthRightCorner"),
+     ("EyeBlinkLeft", "EyeBlinkRight"), ("Upright", "Upright")],
+)  # fmt: skip
+def test_left_and_right(name, other):
+    assert mirror_name(name) == other
+    assert mirror_name(other) == name
+
+
+def test_mirror_map_is_its_own_inverse_and_pairs_every_sided_shape():
+    mirror = mirror_map(ARKIT52)
+    np.testing.assert_array_equal(mirror[mirror], np.arange(52))
+    alone = {ARKIT52[i] for i in range(52) if mirror[i] == i}
+    assert alone == {"jawForward", "jawOpen", "mouthClose", "mouthFunnel", "mouthPucker", "mouthRollLower",
+                     "mouthRollUpper", "mouthShrugLower", "mouthShrugUpper", "browInnerUp", "cheekPuff",
+                     "tongueOut"}  # fmt: skip
+    np.testing.assert_array_equal(mirror_map(["a_L", "b"]), [0, 1])  # the other side is not there
+
+
+def test_match_finds_halves():
+    found = match(["browInnerUp", "JawOpen", "eyeBlinkLeft", "odd"], ["jawOpen", "browInnerUp_R", "browInnerUp_L"])
+    assert found == {"browInnerUp": ("browInnerUp_L", "browInnerUp_R"), "JawOpen": ("jawOpen",)}
+
+
+def test_arkit_on_the_real_rig(data):
+    import json
+
+    expected = json.loads(data("rigs/ict_arkit52_map.json").read_text())
+    names = [str(n) for n in np.load(data("rigs/ict_facekit.npz"))["expression_names"]]
+    found = match(ARKIT52, names)
+    for name, shapes in expected.items():
+        assert sorted(found.get(name, ())) == sorted(shapes), name
