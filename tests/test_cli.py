@@ -113,7 +113,8 @@ def all_missing_marker(folder, rig, truth):
     positions = take.positions.copy()
     positions[:, 4] = np.nan
     blendcap.write_markers(folder / "gone.c3d", replace(take, positions=positions))
-    return changed(SOLVE, take="gone.c3d"), take.names[4]
+    sentence = "The marker 'm36' is missing in every frame; leave it out or repair the take."
+    return changed(SOLVE, take="gone.c3d"), sentence
 
 
 def nan_frame(folder, rig, truth):
@@ -126,17 +127,29 @@ def nan_frame(folder, rig, truth):
 
 def unknown_label(folder, rig, truth):
     (folder / "odd.json").write_text('{"m0": 0, "m9": 9, "m18": 18, "noseTip": 4}', encoding="utf-8")
-    return changed(SOLVE, places="odd.json"), "noseTip"
+    sentence = (
+        "The correspondences name the marker 'noseTip', which the take does not have; it has m0, m9, m18, m27, "
+        "m36, m45, m54, m63 ..."
+    )
+    return changed(SOLVE, places="odd.json"), sentence
 
 
 def unknown_place(folder, rig, truth):
     (folder / "odd.json").write_text('{"m0": 0, "m9": 9, "m18": "landmarks68/30"}', encoding="utf-8")
-    return changed(SOLVE, places="odd.json"), "landmarks68"
+    sentence = (
+        "The correspondences put marker 'm18' on 'landmarks68/30', but the rig has no point set 'landmarks68'; "
+        "it has none."
+    )
+    return changed(SOLVE, places="odd.json"), sentence
 
 
 def vertex_that_is_none(folder, rig, truth):
     (folder / "odd.json").write_text('{"m0": 0, "m9": 9, "m18": 225}', encoding="utf-8")
-    return changed(SOLVE, places="odd.json"), "225"
+    sentence = (
+        "The correspondences put marker 'm18' on vertex 225, but the rig's are 0 to 224; use the vertex numbers "
+        "of the rig file as it is read."
+    )
+    return changed(SOLVE, places="odd.json"), sentence
 
 
 def correspondences_that_are_no_json(folder, rig, truth):
