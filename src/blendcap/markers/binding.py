@@ -11,7 +11,7 @@ import numpy as np
 from blendcap.data import Binding, InputError, MarkerTake, Rig, SurfacePoints
 from blendcap.markers.cleaning import neutral_frame
 from blendcap.markers.correspondences import resolve
-from blendcap.markers.neighbors import candidates
+from blendcap.markers.neighbors import candidates, seamless
 from blendcap.markers.places import find_places
 from blendcap.markers.refinement import CLICK, FOUND, Places, algorithm_4, motion_places, surface_places
 from blendcap.markers.stabilization import stabilize
@@ -76,7 +76,7 @@ def bind(
     given = _given_places(rig, source, correspondences, progress)
     given, source, rest = _at_rest(given, source, neutral)
     progress("placing the markers on the skin")
-    places = Places(rig, given.names, candidates(rig.mesh, given, radius, TRIANGLES))
+    places = Places(rig, given.names, candidates(seamless(rig), given, radius, TRIANGLES))
     errors = np.array([])
     if method == "paper":
         points, alignment, errors = algorithm_4(places, given, source, rest)

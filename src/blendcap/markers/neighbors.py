@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from blendcap.data import Mesh, Rig, SurfacePoints
-from blendcap.numerics.geodesic import surface_distances
+from blendcap.numerics.geodesic import surface_distances, weld
 
 
 def candidates(mesh: Mesh, points: SurfacePoints, radius: float, count: int) -> np.ndarray:
@@ -100,17 +100,5 @@ def _edge_coordinates(triangles: np.ndarray, points: np.ndarray, first: int) -> 
 
 
 def seamless(rig: Rig) -> Mesh:
-    """The rig's mesh with its texture seams sewn up, for walks along the surface.
-
-    Files split vertices along texture seams, which cuts the surface. Faces here use one vertex of all that lie at the
-    same place and move alike in every shape; closed lips and lids, which do not move alike, stay apart. Vertices and
-    faces keep their numbers.
-    """
-    place = np.unique(rig.mesh.vertices, axis=0, return_inverse=True)[1].ravel()
-    shared = np.flatnonzero(np.bincount(place)[place] > 1)
-    motion = np.ascontiguousarray(rig.deltas[:, shared].transpose(1, 0, 2)).reshape(len(shared), -1)
-    key = np.column_stack([place[shared], motion])
-    _, first, group = np.unique(key, axis=0, return_index=True, return_inverse=True)
-    one = np.arange(len(place))
-    one[shared] = shared[first[group.ravel()]]
-    return Mesh(rig.mesh.vertices, one[rig.mesh.faces])
+    """The rig's mesh with its texture seams sewn up (see `weld`), for walks along the surface."""
+    return Mesh(rig.mesh.vertices, weld(rig.mesh.faces, rig.mesh.vertices, rig.deltas))

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from blendcap.data import Animation, Binding, Certificate, InputError, MarkerTake, Rig, Solution
+from blendcap.data.names import canonical
 from blendcap.markers.cleaning import drop_spikes, fill_gaps
 from blendcap.markers.helmet import paper_columns, paper_motion, pivot, remove_motion, rigid_columns, rigid_motion
 from blendcap.markers.stabilization import stabilize
@@ -188,6 +189,7 @@ def _solve(
 
     answer = solve_learned(
         rows, rig.mirror, rate, noise, **prior, passes=settings.passes,
+        quick=np.array([canonical(name).startswith("eyeBlink") for name in rig.names]),
         relinearize=None if settings.helmet == "none" else relinearize,
         progress=lambda detail: clock.begin("solving", f"solving, {detail}"),
     )  # fmt: skip

@@ -17,7 +17,9 @@ log = logging.getLogger(__name__)
 
 START_NOISE = 0.3  # mm: assumed before the residuals are seen
 HELMET_RIDGE = 1e-4  # mm²: keeps the helmet's unknowns unique where too few markers are seen
-HELMET_STEP = 0.02  # standard deviation of the helmet's step from frame to frame at 60 frames a second, in its own unit
+HELMET_STEP = (
+    0.006  # standard deviation of the helmet's step from frame to frame at 60 frames a second, in its own unit
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +43,7 @@ def solve_learned(
     symmetry: float = 0.97,
     smoothness: float = 1.0,
     passes: int = 3,
+    quick: np.ndarray | None = None,
     relinearize: Callable[[np.ndarray], np.ndarray] | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> LearnedAnswer:
@@ -63,6 +66,8 @@ def solve_learned(
         added, as the answer shows it.
     symmetry, smoothness, passes
         As in SolveSettings.
+    quick : (N,) bool, optional
+        Shapes that move within a few frames, as eyelids do.
     relinearize : callable, optional
         Takes the unknowns (T, N + K) to targets (T, M, 3) with the helmet's rotation made exact.
     progress : callable
@@ -70,6 +75,7 @@ def solve_learned(
     """
     start = prior = symmetric_prior(mirror, symmetry, rate)
     unknowns, factors = None, np.ones((1, len(mirror)))
+    quick = np.zeros(len(mirror), dtype=bool) if quick is None else quick
     least, noise = noise, max(noise, START_NOISE)
     for k in range(passes):
         progress(f"pass {k + 1} of {passes}")
@@ -86,7 +92,7 @@ def solve_learned(
         weights = unknowns[:, : rows.shapes]
         prior, freedom = learn_prior(start, weights, rows.mean_gram, prior, precision, noise, rate)
         noise = max(least, _unexplained(rows, unknowns, freedom))
-        factors = step_weights(weights, prior)
+        factors = step_weights(weights, prior, mirror, quick)
         if relinearize is not None and k == passes - 2:
             rows = rows.with_targets(relinearize(unknowns))
     assert unknowns is not None  # there is at least one pass

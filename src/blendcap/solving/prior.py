@@ -9,12 +9,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
 START_DEVIATION = 0.35  # of a weight, before the take is seen
 START_STEP = 0.02  # of a weight's change from frame to frame, at 60 frames a second
 STEP_FLOOR = 0.002  # likewise: the least that a shape is believed to move
 DEVIATION_FLOOR = 0.01  # the least standard deviation of a weight
 PSEUDO_FRAMES = 100  # how many frames the start counts for
+FREEDOM = 0.25  # degrees of freedom of Student's t: the smaller, the more a large step is an event
+STUDENT_SCALE = 0.5  # of the variance of the steps
+EVENT_FRAMES = 3
+QUICK = 0.2  # factor on the coupling of shapes that move within a few frames
 FREQUENCIES = 16  # at which the posterior covariance is sampled
 
 
@@ -87,14 +92,26 @@ def learn_prior(
     return TakePrior(covariance, steps + STEP_FLOOR**2 * 60 / rate), freedom
 
 
-def step_weights(weights: np.ndarray, prior: TakePrior) -> np.ndarray:
-    """(T, N) factors on the coupling: Student's t with one degree of freedom in place of a Gaussian.
+def step_weights(weights: np.ndarray, prior: TakePrior, mirror: np.ndarray, quick: np.ndarray) -> np.ndarray:
+    """(T, N) factors on the coupling: Student's t in place of a Gaussian.
 
     A large step (a blink, a plosive) is an event and not noise, so it is charged less; a small one is charged more.
+    An event rarely comes alone: steps are averaged with those of the neighbouring frames and of the partner on the
+    other side before they are judged.
+
+    Parameters
+    ----------
+    weights : (T, N)
+    prior : TakePrior
+    mirror : (N,) int
+    quick : (N,) bool
+        Shapes that move within a few frames, as eyelids do.
     """
     factors = np.ones_like(weights)
-    scaled = np.diff(weights, axis=0) ** 2 / (0.5 * prior.steps)
-    factors[1:] = 2 / (1 + scaled)
+    scaled = np.diff(weights, axis=0) ** 2 / (STUDENT_SCALE * prior.steps)
+    scaled = uniform_filter1d((scaled + scaled[:, mirror]) / 2, EVENT_FRAMES, axis=0)
+    factors[1:] = (FREEDOM + 1) / (FREEDOM + scaled)
+    factors[:, quick] *= QUICK
     return factors
 
 
