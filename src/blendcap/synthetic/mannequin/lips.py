@@ -94,7 +94,7 @@ def funnel(face: Face) -> np.ndarray:
 def pucker(face: Face) -> np.ndarray:
     """The lips close to a kiss."""
     closer = face.weights({"crest": 0.8, "border": 0.8}) * (face.lower * 1.0 - face.upper * 1.0)
-    return face.sealed(_sphincter(face, 0.50, 0, 6.5, 1.0) + push(closer, (0, 1, 0)))
+    return _sphincter(face, 0.50, 0, 6.5, 1.0) + push(closer, (0, 1, 0))
 
 
 def mouth_aside(face: Face) -> np.ndarray:
