@@ -94,9 +94,9 @@ def solve(
     rows = marker_rows(deltas, helmet, positions - rest, rig.bounds, 0.0 if settings.helmet == "paper" else -1.0)
     noise = _noise(positions, settings)
     clock.begin("solving")
-    rows, unknowns, energies, certificate = _solve(rig, rows, take.rate, noise, settings, positions, rest, clock)
+    rows, unknowns, energies, certificate, noise = _solve(rig, rows, take.rate, noise, settings, positions, rest, clock)
     clock.stop()
-    errors = weight_errors(deltas, helmet, noise, 1 - rows.missing.mean(0))
+    errors = weight_errors(rows, noise)
     weights, motion = unknowns[:, : rows.shapes], _helmet_motion(unknowns[:, rows.shapes :], settings.helmet)
     residuals = rows.errors(unknowns)
     animation = Animation(
@@ -174,12 +174,12 @@ def _noise(positions: np.ndarray, settings: SolveSettings) -> float:
 
 def _solve(
     rig: Rig, rows: MarkerRows, rate: float, noise: float, settings: SolveSettings, positions, rest, clock: _Clock
-) -> tuple[MarkerRows, np.ndarray, dict, Certificate]:
+) -> tuple[MarkerRows, np.ndarray, dict, Certificate, float]:
     if settings.method == "paper":
-        return rows, *solve_paper(rows, settings.beta, settings.gamma, settings.coupling)
+        return rows, *solve_paper(rows, settings.beta, settings.gamma, settings.coupling), noise
     prior = {"symmetry": settings.symmetry, "smoothness": settings.smoothness}
     if settings.method == "live":
-        return rows, *solve_live(rows, rig.mirror, rate, noise, **prior)
+        return rows, *solve_live(rows, rig.mirror, rate, noise, **prior), noise
 
     def relinearize(unknowns: np.ndarray) -> np.ndarray:
         """Targets whose helmet rotation is exact: undone as a rotation, put back as the columns have it."""
@@ -193,7 +193,7 @@ def _solve(
         relinearize=None if settings.helmet == "none" else relinearize,
         progress=lambda detail: clock.begin("solving", f"solving, {detail}"),
     )  # fmt: skip
-    return answer.rows, answer.unknowns, answer.energies, answer.certificate
+    return answer.rows, answer.unknowns, answer.energies, answer.certificate, answer.noise
 
 
 def _confidence(errors: np.ndarray) -> np.ndarray:

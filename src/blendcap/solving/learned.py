@@ -10,6 +10,7 @@ import numpy as np
 
 from blendcap.data import Certificate
 from blendcap.numerics.boxseq import solve_box_sequence
+from blendcap.solving.noise import HELD, weight_errors
 from blendcap.solving.prior import TakePrior, learn_prior, step_weights, symmetric_prior
 from blendcap.solving.rows import MarkerRows
 
@@ -17,9 +18,7 @@ log = logging.getLogger(__name__)
 
 START_NOISE = 0.3  # mm: assumed before the residuals are seen
 HELMET_RIDGE = 1e-4  # mm²: keeps the helmet's unknowns unique where too few markers are seen
-HELMET_STEP = (
-    0.006  # standard deviation of the helmet's step from frame to frame at 60 frames a second, in its own unit
-)
+HELMET_STEP = 0.006  # standard deviation of the helmet's step at 60 frames a second, of 10 mm and of 0.1 rad
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,6 +91,7 @@ def solve_learned(
         weights = unknowns[:, : rows.shapes]
         prior, freedom = learn_prior(start, weights, rows.mean_gram, prior, precision, noise, rate)
         noise = max(least, _unexplained(rows, unknowns, freedom))
+        prior = prior.holding(weight_errors(rows, noise) > HELD)
         factors = step_weights(weights, prior, mirror, quick)
         if relinearize is not None and k == passes - 2:
             rows = rows.with_targets(relinearize(unknowns))

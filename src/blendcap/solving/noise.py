@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from blendcap.solving.rows import MarkerRows
+
 # White noise of variance s² has fourth differences of variance (1 + 16 + 36 + 16 + 1) s².
 _FOURTH = np.sqrt(70.0)
 _MAD = 1.4826  # median absolute deviation to standard deviation, for a Gaussian
 VISIBLE = 0.2  # a weight known no better than this is called unseen
+HELD = 0.3  # a weight known no better than this is held at rest: the markers would add less than the prior knows
 
 
 def marker_noise(positions: np.ndarray) -> float:
@@ -32,26 +35,23 @@ def marker_noise(positions: np.ndarray) -> float:
     return float(_MAD * np.median(np.abs(differences)) / _FOURTH) if differences.size else 0.0
 
 
-def weight_errors(deltas: np.ndarray, helmet: np.ndarray, noise: float, seen: np.ndarray) -> np.ndarray:
+def weight_errors(rows: MarkerRows, noise: float) -> np.ndarray:
     """Standard error of each shape's weight if it alone moved, (N,); infinite if no marker moves with it.
 
-    What a rigid motion of the helmet would explain just as well does not count as seen.
+    What a rigid motion of the helmet would explain just as well does not count as seen, and a marker counts as often
+    as it was seen.
 
     Parameters
     ----------
-    deltas : (N, M, 3)
-        mm at weight 1.
-    helmet : (K, M, 3)
-        mm at 1.
+    rows : MarkerRows
     noise : float
         Of one coordinate, mm.
-    seen : (M,)
-        Part of the frames in which each marker was seen, 0 to 1.
     """
-    scale = np.sqrt(seen)[None, :, None]
-    shapes = (deltas * scale).reshape(len(deltas), -1)
-    if len(helmet):
-        basis, *_ = np.linalg.svd((helmet * scale).reshape(len(helmet), -1).T, full_matrices=False)
-        shapes = shapes - (shapes @ basis) @ basis.T
-    energy = np.linalg.norm(shapes, axis=1)
-    return np.divide(noise, energy, out=np.full(len(deltas), np.inf), where=energy > 1e-9)
+    scaled = rows.rows * np.sqrt(1 - rows.missing.mean(0))[:, None, None]
+    columns = scaled.reshape(-1, scaled.shape[2])
+    shapes, helmet = columns[:, : rows.shapes], columns[:, rows.shapes :]
+    if helmet.shape[1]:
+        basis, *_ = np.linalg.svd(helmet, full_matrices=False)
+        shapes = shapes - basis @ (basis.T @ shapes)
+    energy = np.linalg.norm(shapes, axis=0)
+    return np.divide(noise, energy, out=np.full(rows.shapes, np.inf), where=energy > 1e-9)

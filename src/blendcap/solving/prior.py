@@ -16,6 +16,7 @@ START_STEP = 0.02  # of a weight's change from frame to frame, at 60 frames a se
 STEP_FLOOR = 0.002  # likewise: the least that a shape is believed to move
 DEVIATION_FLOOR = 0.01  # the least standard deviation of a weight
 PSEUDO_FRAMES = 100  # how many frames the start counts for
+HOLD = 0.03  # factor on the standard deviation of a shape that is held at rest
 FREEDOM = 0.25  # degrees of freedom of Student's t: the smaller, the more a large step is an event
 STUDENT_SCALE = 0.5  # of the variance of the steps
 EVENT_FRAMES = 3
@@ -37,6 +38,11 @@ class TakePrior:
 
     covariance: np.ndarray
     steps: np.ndarray
+
+    def holding(self, held: np.ndarray) -> TakePrior:
+        """The prior that keeps the shapes `held` (N,) bool at rest."""
+        factor = np.where(held, HOLD, 1.0)
+        return TakePrior(self.covariance * np.outer(factor, factor), self.steps)
 
 
 def symmetric_prior(mirror: np.ndarray, symmetry: float, rate: float) -> TakePrior:
