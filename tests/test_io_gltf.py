@@ -210,6 +210,15 @@ def test_meshes_are_placed_and_their_targets_joined_by_name(tmp_path):
     np.testing.assert_array_equal(rig.mesh.faces, [[0, 1, 2], [3, 4, 5]])
 
 
+def test_the_node_of_a_skinned_mesh_moves_nothing(tmp_path):
+    gltf, binary = two_meshes()
+    gltf["nodes"][1]["skin"] = 0
+    write_gltf(tmp_path / "skin.gltf", gltf, binary)
+    rig = read_rig(tmp_path / "skin.gltf")
+    np.testing.assert_allclose(rig.mesh.vertices[:3], [[0, 0, 0], [1000, 0, 0], [0, 1000, 0]], atol=1e-3)
+    np.testing.assert_allclose(rig.mesh.vertices[3], [0, 2000, 0], atol=1e-3)
+
+
 def test_buffers_beside_the_file_and_primitives_that_share_vertices(tmp_path):
     gltf, binary = two_meshes()
     first = gltf["meshes"][0]["primitives"]
