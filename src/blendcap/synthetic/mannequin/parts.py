@@ -15,6 +15,7 @@ from blendcap.synthetic.mannequin.identity import GLOBE_RADIUS, Person
 
 GAZE_ASIDE, GAZE_UP, GAZE_DOWN = np.radians((30.0, 22.0, 26.0))
 CORNEA_RISE, CORNEA_ANGLE = 0.045, 0.42  # of the radius; radians
+ARCH = 0.85  # of a half circle
 CROWNS = (8.5, 6.6, 7.6, 7.0, 6.8, 10.2, 9.8)  # widths of the upper teeth from the midline back, mm
 LOWER_CROWNS = (5.3, 5.9, 6.9, 7.1, 7.2, 11.0, 10.5)
 
@@ -150,7 +151,7 @@ def _stuck_out(vertices: np.ndarray) -> np.ndarray:
 def _teeth(person: Person, *, upper: bool) -> Part:
     """A row of crowns: an arch of columns, from the gum over the front to the edge and back inside."""
     columns = 113
-    turn = np.linspace(-1, 1, columns) * np.pi / 2 * 0.93
+    turn = np.linspace(-1, 1, columns) * np.pi / 2 * ARCH
     size = 1.0 if upper else 0.9
     x, z = size * 26.5 * np.sin(turn), 53 + (42.5 if upper else 40.0) * np.cos(turn) - (0 if upper else 1.5)
     along = np.concatenate([[0], np.cumsum(np.hypot(np.diff(x), np.diff(z)))])
@@ -158,7 +159,7 @@ def _teeth(person: Person, *, upper: bool) -> Part:
     borders = np.cumsum((0, *(CROWNS if upper else LOWER_CROWNS)))
     gap = np.exp(-((np.abs(np.abs(along)[:, None] - borders).min(1) / 0.7) ** 2))
     outward = np.stack([-np.gradient(z, along), 0 * x, np.gradient(x, along)], 1)
-    gum, edge = (-56.5, -67.0) if upper else (-75.5, -66.0)
+    gum, edge = (-56.5 - 0.003 * x**2, -67.0) if upper else (-75.5 + 0.007 * x**2, -66.0)  # molars are lower crowns
     rows, local = [], []
     for height, depth in ((0, -0.9), (0.3, 0.25), (0.8, 0.4), (1.0, -0.6), (1.0, -2.2), (0.0, -6.0)):
         rounded = gap * (1.2 if upper else -1.2) * (height > 0.7)
@@ -170,6 +171,6 @@ def _teeth(person: Person, *, upper: bool) -> Part:
     quads = np.stack([first, first + columns, first + columns + 1, first + 1], 1)
     vertices = person.moved(np.concatenate(rows))
     kind = "upper_teeth" if upper else "lower_teeth"
-    spots = np.stack([np.tile(turn, 6), np.repeat(np.linspace(-1, 1, 6), columns)], 1) / [0.93 * np.pi / 2, 1]
+    spots = np.stack([np.tile(turn, 6), np.repeat(np.linspace(-1, 1, 6), columns)], 1) / [ARCH * np.pi / 2, 1]
     quads = quads if upper else quads[:, ::-1]
     return Part(kind, vertices, quads, np.concatenate(local), _flat(spots, quads))
