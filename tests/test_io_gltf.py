@@ -133,6 +133,15 @@ def test_quaternions_of_a_long_turn_never_jump(tmp_path):
     assert (np.einsum("tk,tk->t", quaternions[1:], quaternions[:-1]) > 0).all()
 
 
+def test_a_head_pose_that_is_unknown_is_held(tmp_path):
+    rig, first = small_rig(), small_animation(small_rig())
+    head = first.head.copy()
+    head[[0, 3, 4]] = np.nan
+    write_rig(tmp_path / "a.glb", rig, Animation(first.weights, first.names, 30.0, head))
+    back = read_animation(tmp_path / "a.glb")
+    np.testing.assert_allclose(back.head, first.head[[1, 1, 2, 2, 2, 5, 6]], atol=2e-5)
+
+
 def test_unknown_weights_are_bridged_with_a_warning(tmp_path, caplog):
     rig = small_rig()
     weights = np.tile([0.0, 0.2, 0.4, np.nan], (5, 1)) * np.arange(5)[:, None]

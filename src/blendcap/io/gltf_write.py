@@ -154,9 +154,10 @@ def _animation(binary: _Binary, rig: Rig, animation: Animation) -> dict[str, Any
     weights[:, [rig.index(name) for name in animation.names]] = _without_gaps(animation)
     times = binary.floats((animation.times - animation.times[0])[:, None], extent=True)
     curves = [("weights", binary.floats(weights.reshape(-1, 1)))]
-    if animation.head is not None:
-        curves.append(("translation", binary.floats(animation.head[:, :3, 3] / 1000.0)))
-        curves.append(("rotation", binary.floats(_quaternions(animation.head[:, :3, :3]))))
+    if animation.head is not None and np.isfinite(animation.head).all((1, 2)).any():
+        head = _held(animation.head)
+        curves.append(("translation", binary.floats(head[:, :3, 3] / 1000.0)))
+        curves.append(("rotation", binary.floats(_quaternions(head[:, :3, :3]))))
     return {
         "name": "take",
         "samplers": [{"input": times, "output": output, "interpolation": "LINEAR"} for _, output in curves],
@@ -174,6 +175,13 @@ def _without_gaps(animation: Animation) -> np.ndarray:
     for column, gap in zip(weights.T, gaps.T, strict=True):
         column[gap] = 0.0 if gap.all() else np.interp(animation.times[gap], animation.times[~gap], column[~gap])
     return weights
+
+
+def _held(head: np.ndarray) -> np.ndarray:
+    """Head motion (T, 4, 4) in which a frame without it keeps the pose before (the first known pose at the start)."""
+    known = np.isfinite(head).all((1, 2))
+    last = np.maximum.accumulate(np.where(known, np.arange(len(head)), -1))
+    return head[np.where(last < 0, known.argmax(), last)]
 
 
 def _quaternions(rotations: np.ndarray) -> np.ndarray:
