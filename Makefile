@@ -20,6 +20,8 @@ $(STAMP): pyproject.toml
 	@echo "Setting up $(VENV) (a minute or two, once)"
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	@echo "Compiling the solvers (a minute, once)"
+	@$(BIN)/blendcap doctor >$(VENV)/doctor.txt || { cat $(VENV)/doctor.txt; exit 1; }
 	@touch $@
 
 demo: $(STAMP)  ## the whole marker pipeline on the embedded mannequin, into demo/

@@ -20,6 +20,8 @@ OPTIONAL = {"daqp": "bench", "piqp": "bench", "pytest": "dev"}
 def doctor() -> int:
     """Check this installation and say what to do if something is missing.
 
+    The first time it also compiles the solvers, which takes a minute; later runs load them.
+
     The exit code is 1 if something that is needed does not work; each such line says what to do.
     """
     ok = True
@@ -83,14 +85,17 @@ def _video() -> tuple[bool, str, str]:
 
 
 def _solver() -> tuple[bool, str, str]:
-    """A one-weight problem with a known answer: (a - 2)² is least at 1 within [0, 1]."""
+    """Problems with a known answer: (a - 2)² is least at 1 within [0, 1], frame by frame and over three frames."""
     import numpy as np
+
+    from blendcap.numerics.boxseq import solve_box_sequence
 
     start = time.perf_counter()
     try:
-        weights, certificate = blendcap.solve_box(np.eye(1), np.array([[-2.0]]))
+        gram, linear = np.eye(1), np.full((3, 1), -2.0)
+        answers = (blendcap.solve_box(gram, linear), solve_box_sequence(gram, linear, np.ones(1)))
     except Exception as error:  # whatever a broken compiler or library raises is the finding
         return False, "solver", f"does not run ({type(error).__name__}: {error}); reinstall numba and numpy"
-    good = bool(weights[0, 0] == 1.0 and certificate.converged)
+    good = all(certificate.converged and (weights == 1).all() for weights, certificate in answers)
     seconds = time.perf_counter() - start
     return good, "solver", f"exact, {seconds:.1f} s" if good else "gives a wrong answer; reinstall numba and numpy"
