@@ -67,7 +67,7 @@ def _sky() -> np.ndarray:
     return np.stack([across * np.cos(turn), height, across * np.sin(turn)], 1)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _look(vertices, normals, faces, projection, direction, seen, total):
     """How squarely each vertex faces one piece of sky, `total`, and how much of that reaches it, `seen`."""
     corners, pixels = np.empty((len(vertices), 3)), np.empty((len(vertices), 2))
@@ -86,7 +86,7 @@ def _look(vertices, normals, faces, projection, direction, seen, total):
             seen[v] = facing * _reached(pixels[v, 0], pixels[v, 1], corners[v, 2], facing, nearness)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _reached(x, y, depth, facing, nearness):
     """The share of four texels of a depth map that lets light through."""
     slack = depth / FOCAL * (0.6 + 1.2 / max(facing, 0.25))

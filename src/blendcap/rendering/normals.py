@@ -15,7 +15,7 @@ def vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     return _vertex_normals(vertices, np.ascontiguousarray(faces, dtype=np.int64))
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _vertex_normals(vertices, faces):
     normals = np.zeros_like(vertices)
     for f in range(len(faces)):

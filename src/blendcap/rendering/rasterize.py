@@ -81,7 +81,7 @@ def where(corners: np.ndarray) -> np.ndarray:
     return np.where(front, corners[:, :2], np.inf) / np.where(front, corners[:, 2:], 1)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def edges(corners, i, j, k):
     """The three edge functions (a, b, c) of a triangle, for `a x + b y + c`, and its determinant."""
     x0, y0, z0 = corners[i, 0], corners[i, 1], corners[i, 2]
@@ -93,7 +93,7 @@ def edges(corners, i, j, k):
     return e0, e1, e2, x0 * e0[0] + y0 * e0[1] + z0 * e0[2]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _span(pixels, axis, i, j, k, stop):
     """First and last pixel along an axis that a triangle may cover; all of them where it reaches behind the camera."""
     a, b, c = pixels[i, axis], pixels[j, axis], pixels[k, axis]
@@ -104,13 +104,13 @@ def _span(pixels, axis, i, j, k, stop):
     return int(first), int(max(min(np.floor(high + 1e-9), stop - 1), -1))
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _inside(value, a, b):
     """On the inner side of an edge; what is exactly on it belongs to the triangle that has it on its left or top."""
     return value > 0 or (value == 0 and (a > 0 or (a == 0 and b > 0)))
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def fill(corners, pixels, faces, top, bottom, face, nearness):
     """Write rows `top` to `bottom` of the z-buffer: `face` and one over the depth, `nearness`."""
     width = face.shape[1]
@@ -142,7 +142,7 @@ def fill(corners, pixels, faces, top, bottom, face, nearness):
                         face[y, x] = f
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def weights_at(corners, i, j, k, x, y):
     """Perspective-correct barycentric coordinates of a triangle at a pixel, and whether its back is seen."""
     (a0, b0, c0), (a1, b1, c1), (a2, b2, c2), det = edges(corners, i, j, k)
@@ -151,7 +151,7 @@ def weights_at(corners, i, j, k, x, y):
     return e0 / total, e1 / total, e2 / total, det > 0
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _barycentric(corners, faces, face, top, bottom, out):
     for y in range(top, bottom):
         for x in range(face.shape[1]):

@@ -75,17 +75,18 @@ class Surface:
     def picture(self, camera: Camera, size: tuple[int, int], *, light: Light | None = None, background=None):
         """Picture (H, W, 3) uint8, sRGB; see `render`."""
         light = light or Light()
-        directions = light.directions(camera.pose[:3, :3])
-        scene = (camera.position, directions, np.array(light.strengths), float(light.gloss))
+        key = light.directions(camera.pose[:3, :3])[0]
+        shadow_camera = light_camera(box(self.vertices), key, SHADOW_PIXELS)
+        shadow = shadow_map(self.vertices, self.faces, shadow_camera, SHADOW_PIXELS)
+        scene = light.scene(camera, shadow_camera)
         corners = to_homogeneous(self.vertices, _doubled(camera))
         seen = visibility(corners, self.faces, (2 * size[0], 2 * size[1]))
-        shadow = _shadow(self.vertices, self.faces, directions[0])
         backdrop = _backdrop(background, size)
         texture = self.texture.at(corners, self.faces)
         picture = np.empty((size[1], size[0], 3), dtype=np.uint8)
 
         def paint(top: int, bottom: int) -> None:
-            shade(corners, self.faces, *seen, self.table, texture, scene, shadow, backdrop, top, bottom, picture)
+            shade(corners, self.faces, *seen, self.table, *texture, scene, shadow, backdrop, top, bottom, picture)
 
         each_band(size[1], BAND // 2, paint)
         return picture
@@ -117,13 +118,6 @@ def _doubled(camera: Camera) -> Camera:
     """The camera of a picture with four samples a pixel."""
     double = np.array([[2, 0, 0.5], [0, 2, 0.5], [0, 0, 1.0]])
     return Camera(double @ camera.intrinsics, camera.pose, camera.distortion)
-
-
-def _shadow(vertices: np.ndarray, faces: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-    """Projection into the key light's depth map, the map, and its focal length in texels."""
-    camera = light_camera(box(vertices), direction, SHADOW_PIXELS)
-    nearness = shadow_map(vertices, faces, camera, SHADOW_PIXELS)
-    return camera.intrinsics @ camera.pose[:3], nearness, float(camera.intrinsics[0, 0])
 
 
 def _backdrop(background, size: tuple[int, int]) -> np.ndarray:

@@ -55,9 +55,8 @@ def _bad_markers(solution: Solution) -> list[str]:
             said.append(
                 f"Marker {name} is off by {rms[m]:.1f} mm, the others by {usual:.1f}: check its label and place."
             )
-        elif lost[m] > 0.3:
-            said.append(f"Marker {name} is missing in {lost[m]:.0%} of the frames.")
-    return said
+    gone = [f"{solution.marker_names[m]} ({lost[m]:.0%})" for m in np.argsort(-lost, kind="stable") if lost[m] > 0.3]
+    return [*said, f"Often missing, in so many of the frames: {', '.join(gone)}."] if gone else said
 
 
 def _conflicts(rig: Rig, solution: Solution) -> list[str]:

@@ -53,12 +53,13 @@ def heatmap(
     trust : (V,), optional
         0 (grey) to 1.
     largest : float, optional
-        mm, of the reddest red; the 99th percentile of the errors if not given.
+        mm, of the reddest red; the 99th percentile of the errors if not given, but at least 1 mm: an even, small
+        error is green.
     """
     if len(errors) != len(rig.mesh.vertices):
         raise InputError(f"There are {len(errors)} errors for {len(rig.mesh.vertices)} vertices; give one for each.")
     known = errors[np.isfinite(errors)]
-    largest = largest or float(f"{np.percentile(known, 99) if len(known) else 0:.2g}") or 1.0
+    largest = largest or max(float(f"{np.percentile(known, 99) if len(known) else 0:.2g}"), 1.0)
     colors, own = heat_colors(errors, largest), default_colors(rig)
     if trust is not None:
         colors = UNKNOWN + trust[:, None] * (colors - UNKNOWN)

@@ -164,7 +164,7 @@ def plot_convergence(binding: Binding) -> Figure:
     axes.set_xlabel("pass")
     axes.set_ylabel("mean error, mm")
     axes.set_title("Binding over the range of motion")
-    axes.set_ylim(0)
+    axes.set_ylim(0, 1.15 * max(float(binding.errors.max()), 1e-6))
     return figure
 
 

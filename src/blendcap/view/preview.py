@@ -80,7 +80,7 @@ def _caption(picture: np.ndarray, title: str, counter: str) -> None:
 
 def mark(picture: np.ndarray, camera: Camera, targets: np.ndarray | None, fitted: np.ndarray | None) -> None:
     """Draw markers (M, 3), red, their places on the face (M, 3), blue, and lines between, mm, on a picture."""
-    radius = max(picture.shape[0] / 240, 1.5)
+    radius = max(picture.shape[0] / 220, 2.7)
     places = {}
     for what, points in (("target", targets), ("fitted", fitted)):
         if points is not None:

@@ -122,7 +122,5 @@ def inline_svg(figure: Figure) -> str:
     for color, variable in ((INK, "ink"), (GRID, "line"), (PAPER, "paper")):
         svg = svg.replace(color, f"var(--{variable})")
     svg = re.sub(r' d="[^"]*"', lambda path: re.sub(r"(\.\d\d)\d+", r"\1", path[0]), svg)  # half the page was digits
-    width = f"max-width:{100 * figure.get_figwidth():.0f}pt"  # on a wide page a small plot stays small
-    return re.sub(
-        r'<svg ([^>]*?)height="[^"]*"([^>]*?) width="[^"]*"', rf'<svg role="img" style="{width}" \1\2', svg, count=1
-    )
+    shown = f'<svg role="img" style="max-width:{100 * figure.get_figwidth():.0f}pt"'  # a small plot stays small
+    return re.sub(r'<svg width="[^"]*" height="[^"]*"', shown, svg, count=1)
