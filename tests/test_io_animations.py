@@ -82,6 +82,11 @@ def test_empty_cells_and_short_rows_are_missing(tmp_path):
     np.testing.assert_array_equal(read_animation(tmp_path / "a.csv").weights, [[np.nan, 0.5], [np.nan, np.nan]])
 
 
+def test_a_shape_without_influence_is_trusted(tmp_path):
+    (tmp_path / "a.csv").write_text("# rate: 30\nframe,a,a:influence,b\n0,1,0.25,1\n")
+    np.testing.assert_array_equal(read_animation(tmp_path / "a.csv").confidence, [[0.25, 1]])
+
+
 def test_live_link_round_trip_with_dropped_frames(tmp_path):
     names = (*ARKIT52, *HEAD_AND_EYES)
     times = np.delete(np.arange(120) / 30, [7, 50, 51]) + 3.0

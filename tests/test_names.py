@@ -25,7 +25,7 @@ def test_the_vocabulary_is_whole_and_already_canonical():
     [("jawLeft", "jawRight"), ("mouthLeft", "mouthRight"), ("eyeLookOutLeft", "eyeLookOutRight"), ("brow_L", "brow_R"),
      ("leftEyeYaw", "rightEyeYaw"), ("brow_l", "brow_r"), ("brow.R", "brow.L"), ("left_brow", "right_brow"),
      ("jawOpen", "jawOpen"), ("brightness", "brightness"), ("cleft", "cleft"), ("mouthLeftCorner", "mouthRightCorner"),
-     ("EyeBlinkLeft", "EyeBlinkRight"), ("Upright", "Upright")],
+     ("EyeBlinkLeft", "EyeBlinkRight"), ("Upright", "Upright"), ("Leftover", "Leftover")],
 )  # fmt: skip
 def test_left_and_right(name, other):
     assert mirror_name(name) == other
