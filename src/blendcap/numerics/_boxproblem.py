@@ -36,7 +36,7 @@ class BoxProblem:
     @property
     def usable(self) -> np.ndarray:
         """(T,) bool: the frames whose numbers are all finite."""
-        return np.isfinite(self.linear).all(1) & np.isfinite(self.diagonal).all(1)
+        return np.asarray(np.isfinite(self.linear).all(1) & np.isfinite(self.diagonal).all(1))
 
     @property
     def curvature(self) -> np.ndarray:
@@ -92,10 +92,10 @@ def box_problem(gram, linear, diagonal, lower, upper, rows, missing) -> BoxProbl
 
 
 def residuals(problem: BoxProblem, weights: np.ndarray, coupling: np.ndarray | None = None) -> np.ndarray:
-    """(T,) `max_i |a - clip(a - gradient / (2 diag H), lower, upper)|` of each frame; infinite where there is no answer.
+    """(T,) `max_i |a - clip(a - gradient / (2 diag H), lower, upper)|` of each frame.
 
-    It is formed anew from the weights, so it does not trust the solver. `diag H` is the curvature of the whole
-    problem along each unknown: `diag(gram) + diagonal`, and the couplings where there are any.
+    It is infinite where there is no answer, and formed anew from the weights, so it does not trust the solver.
+    `diag H` is the curvature of the whole problem along each unknown: `diag(gram) + diagonal`, and the couplings.
     """
     links = np.zeros((0, weights.shape[1])) if coupling is None else coupling
     worst = np.empty(len(weights))

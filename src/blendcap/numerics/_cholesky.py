@@ -13,7 +13,7 @@ from numba import njit
 STRIDE = 328
 # No "nnan" and no "ninf": a NaN must stay visible. The others let LLVM fuse and reorder sums, as vectors need.
 FAST = {"contract", "reassoc", "nsz", "arcp"}
-TINY = 1e-14  # a pivot of a matrix with unit diagonal is raised to this
+TINY = 1e-11  # a pivot of a matrix with unit diagonal is raised to this: a ridge that costs less than the tolerance
 
 
 @njit(fastmath=FAST, error_model="numpy", cache=True)

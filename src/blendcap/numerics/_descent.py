@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 from blendcap.numerics._cholesky import FAST, STRIDE, back_substitute, factor
-from blendcap.numerics._pivoting import FREE, LOWER, UPPER, gather, pack
+from blendcap.numerics._pivoting import FREE, LOWER, UPPER, evaluate, gather, pack, size
 
 
 @njit(fastmath=FAST, error_model="numpy", cache=True)
@@ -17,7 +17,7 @@ def descend(gram, diagonal, linear, lower, upper, state, x, g, work, most):
     """
     (a, _, _), (y, _, _, _), (free, _, _), _, (one, _) = work
     m = state.size
-    tolerance = 1e-13 * max(1.0, np.abs(linear).max())
+    tolerance = 1e-13 * size(linear)
     for i in range(m):
         x[i] = min(upper[i], max(lower[i], x[i]))
     for rounds in range(1, most + 1):
@@ -34,7 +34,7 @@ def descend(gram, diagonal, linear, lower, upper, state, x, g, work, most):
         for i in range(k):
             a[i * STRIDE + n] = -g[free[i]]
         factor(a, n, (n + 8) & -8, one)
-        back_substitute(a, n, a[n:], STRIDE, y)
+        back_substitute(a, n, a[n:], np.int64(STRIDE), y)
         reach = 1.0
         for i in range(k):
             j = free[i]
@@ -48,19 +48,7 @@ def descend(gram, diagonal, linear, lower, upper, state, x, g, work, most):
     return -1
 
 
-@njit(fastmath=FAST, error_model="numpy", cache=True)
-def evaluate(gram, diagonal, linear, x, g):
-    """g = half the gradient at x."""
-    g[:] = 0.0
-    for i in range(x.size):
-        if x[i] != 0:
-            for j in range(g.size):
-                g[j] += x[i] * gram[i, j]
-    for i in range(x.size):
-        g[i] += linear[i] + diagonal[i] * x[i]
-
-
-@njit(fastmath=FAST, error_model="numpy", cache=True)
+@njit(fastmath=FAST, error_model="numpy", inline="always")
 def sweep(gram, diagonal, lower, upper, x, g):
     """Minimise over one unknown after the other; returns the largest move."""
     largest = 0.0

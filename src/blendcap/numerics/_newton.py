@@ -55,7 +55,8 @@ class Sequence:
             near[1:] |= self.changed[:-1]
             near[:-1] |= self.changed[1:]
             self.slope(self.x, self.g, near)
-        return self.x, MOST + self.descend()
+        steps = MOST + self.descend()
+        return self.x, steps
 
     def slope(self, x: np.ndarray, g: np.ndarray, todo: np.ndarray | None = None) -> None:
         """g = half the gradient at x, in the frames to do."""
@@ -64,9 +65,9 @@ class Sequence:
 
     def newton(self) -> np.ndarray:
         """The step of the free unknowns to where their gradient is zero."""
-        free = (self.states == FREE).sum(1)
+        free = np.count_nonzero(self.states == FREE, axis=1)
         if (free > self.capacity).any() or self.changed.mean() > 0.5:
-            self.capacity = np.minimum(free + SLACK, self.states.shape[1])
+            self.capacity = np.minimum(free + SLACK, len(self.lower))
             self.starts = np.concatenate([[0], np.cumsum(self.capacity * (self.capacity + 1) // 2)])
             if self.starts[-1] > self.inverses.size:
                 self.inverses = np.empty(0)  # let go of the old ones before the new ones are there
@@ -92,9 +93,11 @@ class Sequence:
             self.slope(self.x, self.g)
 
     def descend(self) -> int:
-        """Projected Newton steps with a line search (Bertsekas 1982, doi:10.1137/0320018): none raises the objective."""
+        """Projected Newton steps (Bertsekas 1982, doi:10.1137/0320018); none raises the objective. How many."""
         x = np.clip(self.x, self.lower, self.upper)
-        for steps in range(1, DESCENTS + 1):
+        steps, moved = 0, np.inf
+        while steps < DESCENTS and moved > 1e-13:
+            steps += 1
             self.slope(x, self.g)
             self.states[:] = FREE
             self.states[(x <= self.lower) & (self.g >= 0)] = LOWER
@@ -103,8 +106,6 @@ class Sequence:
             new = self.search(x, self.newton())
             moved = np.abs(new - x).max()
             x = new
-            if moved <= 1e-13:
-                break
         self.x = x
         return steps
 

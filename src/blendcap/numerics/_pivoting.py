@@ -16,49 +16,60 @@ from blendcap.numerics._cholesky import FAST, STRIDE, add_rows, back_substitute,
 
 LOWER, FREE, UPPER = 0, 1, 2
 PATIENCE = 10  # rounds without fewer wrong states before one state at a time is changed
+SOLVED = 1e-10  # of the linear term: a gradient below it is zero
 BORDER = 16  # changed states that a factor is kept for
 
 
 @njit(error_model="numpy", cache=True)
 def workspace(m):
     """Scratch arrays of one thread: a factor, a border and its factor, vectors, indices, states, signs."""
-    size = m + 8
-    matrices = np.zeros(size * STRIDE), np.zeros((BORDER + 4) * STRIDE), np.zeros((BORDER + 4) * STRIDE)
-    vectors = np.zeros(size), np.zeros(size), np.zeros(m), np.zeros((m + 8) & -8)
-    indices = np.zeros(size, np.uint32), np.zeros(BORDER + 4, np.uint32), np.zeros(size, np.int64)
+    most = m + 8
+    matrices = np.zeros(most * STRIDE), np.zeros((BORDER + 4) * STRIDE), np.zeros((BORDER + 4) * STRIDE)
+    vectors = np.zeros(most), np.zeros(most), np.zeros(m), np.zeros((m + 8) & -8)
+    indices = np.zeros(most, np.uint32), np.zeros(BORDER + 4, np.uint32), np.zeros(most, np.int64)
     return (
         matrices,
         vectors,
         indices,
         (np.zeros(m, np.int8), np.zeros(m, np.int8)),
-        (np.ones(size), np.ones(BORDER + 4)),
+        (np.ones(most), np.ones(BORDER + 4)),
     )
 
 
 @njit(fastmath=FAST, error_model="numpy", cache=True)
 def pivot(gram, diagonal, linear, lower, upper, state, x, g, work, most):
-    """Solve one frame exactly; returns the rounds it took, or -1 if `most` were not enough.
+    """Solve one frame exactly; returns the rounds it took, or -1 if `most` were not enough or the matrix is singular.
 
     `gram` has a zero last row, and zero columns up to the length of g, which becomes half the gradient at x.
     """
     following = work[3][0]
-    tolerance = 1e-13 * max(1.0, np.abs(linear).max())
-    memory = (state.size + 1, PATIENCE)
+    tolerance = 1e-13 * size(linear)
+    memory = (np.int64(state.size + 1), np.int64(PATIENCE))
     kept = False
     for rounds in range(1, most + 1):
+        fresh = not kept
         if kept:
             kept = solve_bordered(gram, diagonal, lower, upper, state, x, g, work)
         if not kept:
             solve_fresh(gram, diagonal, linear, lower, upper, state, x, g, work)
-            kept = True
+            kept = fresh = True
         wrong = judge(lower, upper, state, x, g, tolerance, following)
+        if wrong == 0 and fresh:
+            return rounds if flat(state, g, SOLVED * size(linear)) else -1
         if wrong == 0:
-            return rounds
+            evaluate(gram, diagonal, linear, x, g)
+            if (
+                flat(state, g, 0.1 * SOLVED * size(linear))
+                and judge(lower, upper, state, x, g, tolerance, following) == 0
+            ):
+                return rounds
+            kept = False
+            continue
         memory = advance(state, following, wrong, memory)
     return -1
 
 
-@njit(fastmath=FAST, error_model="numpy", cache=True)
+@njit(fastmath=FAST, error_model="numpy", inline="always")
 def solve_fresh(gram, diagonal, linear, lower, upper, state, x, g, work):
     """x and g of the given states, by a factor of the free block that stays in `work` for `solve_bordered`."""
     (a, _, _), (y, _, x0, g0), (free, _, slot), (_, state0), (one, _) = work
@@ -79,19 +90,19 @@ def solve_fresh(gram, diagonal, linear, lower, upper, state, x, g, work):
     for i in range(k):
         a[i * STRIDE + n] = -g[free[i]]
     factor(a, n, width, one)
-    back_substitute(a, n, a[n:], STRIDE, y)
+    back_substitute(a, n, a[n:], np.int64(STRIDE), y)
     add_rows(g, gram, free[:n], y)
     for i in range(k):
         x[free[i]] = y[i]
         g[free[i]] += diagonal[free[i]] * y[i]
-    state0[:] = state
-    x0[:] = x
-    g0[:] = g
+    copy(state, state0)
+    copy(x, x0)
+    copy(g, g0)
     slot[x.size] = k
     slot[x.size + 1] = 0
 
 
-@njit(fastmath=FAST, error_model="numpy", cache=True)
+@njit(fastmath=FAST, error_model="numpy", inline="always")
 def solve_bordered(gram, diagonal, lower, upper, state, x, g, work):
     """x and g of the given states from the last fresh solve x0, g0; False where they differ from its by too much.
 
@@ -123,9 +134,9 @@ def solve_bordered(gram, diagonal, lower, upper, state, x, g, work):
     changed[p:q] = m
     complement(gram, diagonal, lower, upper, state, state0, x0, g0, changed, slot, p, q, n, border, s, sign)
     factor(s, q, (q + 8) & -8, sign)
-    back_substitute(s, q, s[q:], STRIDE, y)
-    g[:] = g0
-    x[:] = x0
+    back_substitute(s, q, s[q:], np.int64(STRIDE), y)
+    copy(g0, g)
+    copy(x0, x)
     push[:n] = 0.0
     for i in range(p):
         j = changed[i]
@@ -139,7 +150,7 @@ def solve_bordered(gram, diagonal, lower, upper, state, x, g, work):
         for c in range(g.size):
             g[c] += y[i] * row[c]
         g[j] += diagonal[j] * y[i]
-    back_substitute(a, n, push, 1, y)
+    back_substitute(a, n, push, np.int64(1), y)
     add_rows(g, gram, free[:n], y)
     for i in range(k):
         x[free[i]] += y[i]
@@ -151,7 +162,7 @@ def solve_bordered(gram, diagonal, lower, upper, state, x, g, work):
     return True
 
 
-@njit(fastmath=FAST, error_model="numpy", cache=True)
+@njit(fastmath=FAST, error_model="numpy", inline="always")
 def fill_border(gram, free, k, n, j, leaves, a, w):
     """w = the column of unknown j in C, forward-substituted."""
     w[:] = 0.0
@@ -168,7 +179,7 @@ def fill_border(gram, free, k, n, j, leaves, a, w):
     forward_substitute(a, n, w, first)
 
 
-@njit(fastmath=FAST, error_model="numpy", cache=True)
+@njit(fastmath=FAST, error_model="numpy", inline="always")
 def complement(gram, diagonal, lower, upper, state, state0, x0, g0, changed, slot, p, q, n, border, s, sign):
     """Fill s with the Schur complement of the changed unknowns, and beside it with the right-hand side."""
     width = (q + 8) & -8
@@ -212,6 +223,34 @@ def gather(gram, diagonal, free, k, n, width, a):
             a[i * STRIDE + i] = 1.0
 
 
+@njit(fastmath=FAST, error_model="numpy", cache=True)
+def evaluate(gram, diagonal, linear, x, g):
+    """g = half the gradient at x."""
+    g[:] = 0.0
+    for i in range(x.size):
+        if x[i] != 0:
+            for j in range(g.size):
+                g[j] += x[i] * gram[i, j]
+    for i in range(x.size):
+        g[i] += linear[i] + diagonal[i] * x[i]
+
+
+@njit(error_model="numpy", cache=True)
+def copy(source, target):
+    """target = source; a slice assignment would make Numba compile the text of its errors, which takes seconds."""
+    for i in range(source.size):
+        target[i] = source[i]
+
+
+@njit(fastmath=FAST, error_model="numpy", cache=True)
+def size(vector):
+    """The largest absolute value, at least 1."""
+    largest = 1.0
+    for i in range(vector.size):
+        largest = max(largest, abs(vector[i]))
+    return largest
+
+
 @njit(error_model="numpy", cache=True)
 def pack(chosen, value, index):
     """List where `chosen` has the value, padded to a multiple of four with the index of a zero row; how many."""
@@ -238,6 +277,15 @@ def judge(lower, upper, state, x, g, tolerance, following):
 
 
 @njit(error_model="numpy", cache=True)
+def flat(state, g, tolerance):
+    """Whether the gradient of the free unknowns is zero, as it is unless their block is singular."""
+    largest = 0.0
+    for i in range(state.size):
+        largest = max(largest, abs(g[i]) if state[i] == FREE else 0.0)
+    return largest <= tolerance
+
+
+@njit(error_model="numpy", cache=True)
 def advance(state, following, wrong, memory):
     """Take over the following states: all, or only the last that differs once PATIENCE rounds brought no progress.
 
@@ -247,9 +295,9 @@ def advance(state, following, wrong, memory):
     fewest, patience = memory
     patience -= 1
     if wrong < fewest:
-        fewest, patience = wrong, PATIENCE
+        fewest, patience = wrong, np.int64(PATIENCE)
     if patience > 0:
-        state[:] = following
+        copy(following, state)
     else:
         i = state.size - 1
         while following[i] == state[i]:

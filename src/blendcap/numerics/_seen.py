@@ -28,8 +28,11 @@ def seen_gram(seen, gram, rows, missing, t):
         flips += lacks[k] != missing[t, k]
     updates[0] += flips * rows.shape[1]
     if updates[0] > REBUILD:
-        h[:] = gram
-        lacks[:] = False
+        for i in range(h.shape[0]):
+            for j in range(h.shape[1]):
+                h[i, j] = gram[i, j]
+        for k in range(lacks.size):
+            lacks[k] = False
         updates[0] = 0
     for k in range(lacks.size):
         if lacks[k] != missing[t, k]:

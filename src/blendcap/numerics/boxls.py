@@ -34,7 +34,7 @@ def solve_box(
     ----------
     gram : (N, N)
         The matrix G that all frames share: symmetric, positive semi-definite. Diagonal elements below 1e-12 of the
-        largest are raised to it; so are, to 1e-14 of their own diagonal element, the pivots of a singular matrix.
+        largest are raised to it; so are, to 1e-11 of their own diagonal element, the pivots of a singular matrix.
     linear : (T, N)
     diagonal : (T, N), optional
         What each frame adds to the diagonal.
@@ -97,34 +97,29 @@ def first_states(problem: BoxProblem, scale: np.ndarray, start: ArrayLike | None
 @njit(parallel=True, error_model="numpy", cache=True)
 def _solve_all(box, usable, states, given, weights, rounds, count):
     """All frames; each begins with its given states, or with those of the frame before."""
-    gram, linear, diagonal, lower, upper, rows, missing = box
-    frames, m = linear.shape
+    frames = len(weights)
     for b in prange(count):
-        work, g = workspace(m), np.zeros(gram.shape[1])
-        seen, state = seen_start(gram, missing), np.zeros(m, np.int8)
-        for t in range(b * frames // count, (b + 1) * frames // count):
-            weights[t], rounds[t] = np.nan, 0
-            if not usable[t]:
-                continue
+        _solve_run(box, usable, states, given, weights, rounds, b * frames // count, (b + 1) * frames // count)
+
+
+@njit(error_model="numpy", cache=True)
+def _solve_run(box, usable, states, given, weights, rounds, first, last):
+    """The frames from first to last, one after the other."""
+    gram, linear, diagonal, lower, upper, rows, missing = box
+    m, most = lower.size, 100 + 2 * lower.size
+    work, g = workspace(m), np.zeros(gram.shape[1])
+    seen, state = seen_start(gram, missing), np.zeros(m, np.int8)
+    for t in range(first, last):
+        x, f, d = weights[t], linear[t], diagonal[t if len(diagonal) > 1 else 0]
+        for i in range(m):
+            x[i] = np.nan
             if given:
-                state[:] = states[t]
-            allow(lower, upper, state)
-            h, d = seen_gram(seen, gram, rows, missing, t), diagonal[t if len(diagonal) > 1 else 0]
-            rounds[t] = solve_alone(h, d, linear[t], lower, upper, state, weights[t], g, work, 100 + 2 * m)
-
-
-@njit(error_model="numpy", cache=True)
-def allow(lower, upper, state):
-    """Free the unknowns that have no bound where they are said to be."""
-    for i in range(state.size):
-        if (state[i] == LOWER and lower[i] == -np.inf) or (state[i] == UPPER and upper[i] == np.inf):
-            state[i] = FREE
-
-
-@njit(error_model="numpy", cache=True)
-def solve_alone(gram, diagonal, linear, lower, upper, state, x, g, work, most):
-    """One frame by pivoting and, should that not end, by descent; returns the rounds."""
-    count = pivot(gram, diagonal, linear, lower, upper, state, x, g, work, most)
-    if count < 0:
-        count = most + abs(descend(gram, diagonal, linear, lower, upper, state, x, g, work, most))
-    return count
+                state[i] = states[t, i]
+            if (state[i] == LOWER and lower[i] == -np.inf) or (state[i] == UPPER and upper[i] == np.inf):
+                state[i] = FREE
+        rounds[t] = 0
+        if usable[t]:
+            h = seen_gram(seen, gram, rows, missing, t)
+            rounds[t] = pivot(h, d, f, lower, upper, state, x, g, work, most)
+            if rounds[t] < 0:
+                rounds[t] = most + abs(descend(h, d, f, lower, upper, state, x, g, work, most))
