@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from blendcap.data import InputError, Mesh, Rig, triangulate
+from blendcap.data import Camera, InputError, Mesh, Rig, triangulate
 from blendcap.rendering import Light, default_colors, face_camera, prepare, project, rasterize, render, vertex_normals
 from blendcap.rendering.color import LINEAR, PIXELS, STEPS, to_linear, to_srgb
 from blendcap.rendering.light import openness
@@ -151,6 +151,21 @@ def test_the_inside_of_an_open_surface_is_dark():
     camera = face_camera(front.vertices, size)
     lit, dark = (render(m, camera, size, color=(0.6, 0.6, 0.6), light=Light(gloss=0))[20, 20] for m in (front, back))
     assert lit.min() > 2 * dark.max()
+
+
+def test_where_two_faces_meet_the_nearer_one_colors_the_pixel():
+    # a sheet seen from its dark inside on the left, and a hair nearer to the camera a lit one on the right:
+    # they meet in the middle of the pixels of one column
+    left = np.array([[-40.0, -20, 0], [0, -20, 0], [0, 20, 0], [-40, 20, 0]])
+    right = np.array([[0.0, -20, 0.1], [40, -20, 0.1], [40, 20, 0.1], [0, 20, 0.1]])
+    mesh = Mesh(np.concatenate([left, right]), np.array([[0, 2, 1], [0, 3, 2], [4, 5, 6], [4, 6, 7]]))
+    pose = np.diag([1.0, -1, -1, 1])
+    pose[2, 3] = 200
+    camera = Camera(np.array([[200.0, 0, 30], [0, 200, 15], [0, 0, 1]]), pose)
+    even = Light(strengths=(0, 0, 0, 1.0), gloss=0)
+    row = render(mesh, camera, (60, 30), color=(0.6, 0.6, 0.6), light=even)[15, :, 1].astype(int)
+    assert row[29] < 0.6 * row[31]
+    assert row[30] == pytest.approx(row[31], abs=12)
 
 
 def test_a_picture_is_the_same_every_time_and_from_a_prepared_surface():

@@ -61,18 +61,21 @@ class Light:
 def shade(corners, faces, face, nearness, table, image, uv, uv_faces, scene, shadow, backdrop, top, bottom, out):
     """Write rows `top` to `bottom` of `out` (H, W, 3), sRGB bytes, from a z-buffer of twice the size.
 
-    A pixel whose four samples lie on one surface is shaded once, in its middle; at an edge each sample is.
+    A pixel whose four samples lie on one surface is shaded once, in its middle and on the face nearest to the camera
+    (a face behind may be seen from inside, and dark); at an edge each sample is shaded.
     """
     point = np.empty(WIDTH)
     for y in range(top, bottom):
         for x in range(out.shape[1]):
-            near, far, covered = 0.0, np.inf, 0
+            near, far, covered, nearest = 0.0, np.inf, 0, -1
             for s in range(4):
                 row, column = 2 * y + s // 2, 2 * x + s % 2
                 covered += face[row, column] >= 0
-                near, far = max(near, nearness[row, column]), min(far, nearness[row, column])
+                far = min(far, nearness[row, column])
+                if nearness[row, column] > near:
+                    near, nearest = nearness[row, column], face[row, column]
             if covered == 4 and near < far * (1 + SAME_DEPTH):
-                look_up(corners, faces, face[2 * y, 2 * x], 2 * x + 0.5, 2 * y + 0.5, table, image, uv, uv_faces, point)
+                look_up(corners, faces, nearest, 2 * x + 0.5, 2 * y + 0.5, table, image, uv, uv_faces, point)
                 red, green, blue = light(point, scene, shadow)
             else:
                 free = 1 - covered / 4
