@@ -3,7 +3,6 @@
 OPENBLAS_NUM_THREADS=1 python benchmarks/box_solvers.py [rounds]
 """
 
-# ruff: noqa: E402 (the thread counts must be set before NumPy and Numba load)
 from __future__ import annotations
 
 import os
@@ -191,7 +190,7 @@ def main():
             [
                 f"One core of {processor()}, load {os.getloadavg()[0]:.1f} when done, {rounds} interleaved rounds;",
                 "processor time. ICT-FaceKit, the real performance alex_rom_3, 50 markers, 0.2 mm noise, ridge 0.4",
-                "(dummies 0.04), L1 0.5 on shapes. The residual of both solvers is `max |a - clip(a - gradient / (2 diag H), 0, 1)|`.",
+                "(dummies 0.04), L1 0.5 on shapes. KKT is `max |a - clip(a - gradient / (2 diag H), 0, 1)|`.",
                 "",
                 "| problem | peer | frames/s | peer frames/s | ratio: median (range) | KKT | peer KKT |",
                 "|---|---|---|---|---|---|---|",

@@ -15,7 +15,7 @@ def descend(gram, diagonal, linear, lower, upper, state, x, g, work, most):
 
     Returns the rounds it took, or -1 if `most` were not enough; x is feasible and no worse than at the start.
     """
-    (a, _, _), (y, _, _, _), (free, _, _), _, (one, _) = work
+    (a, _, _, _), (y, _, _, _), (free, _, _), _, (one, _) = work
     m = state.size
     tolerance = 1e-13 * size(linear)
     for i in range(m):

@@ -24,7 +24,12 @@ BORDER = 16  # changed states that a factor is kept for
 def workspace(m):
     """Scratch arrays of one thread: a factor, a border and its factor, vectors, indices, states, signs."""
     most = m + 8
-    matrices = np.zeros(most * STRIDE), np.zeros((BORDER + 4) * STRIDE), np.zeros((BORDER + 4) * STRIDE)
+    matrices = (
+        np.zeros(most * STRIDE),
+        np.zeros((BORDER + 4) * STRIDE),
+        np.zeros((BORDER + 4) * STRIDE),
+        np.zeros((BORDER, BORDER)),
+    )
     vectors = np.zeros(most), np.zeros(most), np.zeros(m), np.zeros((m + 8) & -8)
     indices = np.zeros(most, np.uint32), np.zeros(BORDER + 4, np.uint32), np.zeros(most, np.int64)
     return (
@@ -72,7 +77,7 @@ def pivot(gram, diagonal, linear, lower, upper, state, x, g, work, most):
 @njit(fastmath=FAST, error_model="numpy", inline="always")
 def solve_fresh(gram, diagonal, linear, lower, upper, state, x, g, work):
     """x and g of the given states, by a factor of the free block that stays in `work` for `solve_bordered`."""
-    (a, _, _), (y, _, x0, g0), (free, _, slot), (_, state0), (one, _) = work
+    (a, _, _, _), (y, _, x0, g0), (free, _, slot), (_, state0), (one, _) = work
     k = pack(state, FREE, free)
     for i in range(x.size):
         x[i] = 0.0 if state[i] == FREE else (lower[i] if state[i] == LOWER else upper[i])
@@ -110,7 +115,7 @@ def solve_bordered(gram, diagonal, lower, upper, state, x, g, work):
     the others move by `-K^-1 C z`, where K is the free block and C holds the columns of `gram` of those that joined
     and minus unit vectors for those that left. The Schur complement of K is the matrix of z.
     """
-    (a, border, s), (y, push, x0, g0), (free, changed, slot), (_, state0), (_, sign) = work
+    (a, border, s, dots), (y, push, x0, g0), (free, changed, slot), (_, state0), (_, sign) = work
     m = x.size
     k, slots = slot[m], slot[m + 1]
     n = (k + 3) & -4
@@ -127,12 +132,18 @@ def solve_bordered(gram, diagonal, lower, upper, state, x, g, work):
             if slots == BORDER:
                 return False
             slot[j] = slots
-            fill_border(gram, free, k, n, j, state0[j] == FREE, a, border[slots * STRIDE : slots * STRIDE + n])
+            w = border[slots * STRIDE : slots * STRIDE + n]
+            fill_border(gram, free, k, n, j, state0[j] == FREE, a, w)
+            for e in range(slots + 1):
+                u, total = border[e * STRIDE : e * STRIDE + n], 0.0
+                for r in range(n):
+                    total += u[r] * w[r]
+                dots[e, slots] = dots[slots, e] = total
             slots += 1
     slot[m + 1] = slots
     q = (p + 3) & -4
     changed[p:q] = m
-    complement(gram, diagonal, lower, upper, state, state0, x0, g0, changed, slot, p, q, n, border, s, sign)
+    complement(gram, diagonal, lower, upper, state, state0, x0, g0, changed, slot, p, q, dots, s, sign)
     factor(s, q, (q + 8) & -8, sign)
     back_substitute(s, q, s[q:], np.int64(STRIDE), y)
     copy(g0, g)
@@ -180,7 +191,7 @@ def fill_border(gram, free, k, n, j, leaves, a, w):
 
 
 @njit(fastmath=FAST, error_model="numpy", inline="always")
-def complement(gram, diagonal, lower, upper, state, state0, x0, g0, changed, slot, p, q, n, border, s, sign):
+def complement(gram, diagonal, lower, upper, state, state0, x0, g0, changed, slot, p, q, dots, s, sign):
     """Fill s with the Schur complement of the changed unknowns, and beside it with the right-hand side."""
     width = (q + 8) & -8
     for i in range(q):
@@ -191,12 +202,9 @@ def complement(gram, diagonal, lower, upper, state, state0, x0, g0, changed, slo
         ii = changed[i]
         joined = state0[ii] != FREE
         sign[i] = 1.0 if joined else -1.0
-        u = border[slot[ii] * STRIDE : slot[ii] * STRIDE + n]
         for j in range(i, p):
             jj = changed[j]
-            v, total = border[slot[jj] * STRIDE : slot[jj] * STRIDE + n], 0.0
-            for r in range(n):
-                total -= u[r] * v[r]
+            total = -dots[slot[ii], slot[jj]]
             if joined and state0[jj] != FREE:
                 total += gram[ii, jj]
             s[i * STRIDE + j] = total
