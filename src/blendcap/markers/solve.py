@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -13,7 +14,7 @@ from blendcap.data import Animation, Binding, Certificate, InputError, MarkerTak
 from blendcap.data.names import canonical
 from blendcap.markers.cleaning import drop_spikes, fill_gaps
 from blendcap.markers.helmet import paper_columns, paper_motion, pivot, remove_motion, rigid_columns, rigid_motion
-from blendcap.markers.stabilization import stabilize
+from blendcap.markers.stabilization import stabilize, stabilize_live
 from blendcap.solving.learned import solve_learned
 from blendcap.solving.live import solve_live
 from blendcap.solving.noise import VISIBLE, marker_noise, weight_errors
@@ -25,6 +26,7 @@ from blendcap.solving.settings import SolveSettings
 log = logging.getLogger(__name__)
 
 HEAD_MOVES = 3.0  # mm: markers that go farther than this as one body have a head that moves, not a helmet that slips
+WARM_UP = 1.0  # seconds in which the live solve measures the noise
 NO_NOISE = 0.01  # mm: assumed where a take is too short or too gappy to tell
 
 
@@ -92,7 +94,8 @@ def solve(
     positions = binding.to_rig(still.positions)
     helmet = _helmet_columns(rest, settings.helmet)
     rows = marker_rows(deltas, helmet, positions - rest, rig.bounds, 0.0 if settings.helmet == "paper" else -1.0)
-    noise = _noise(positions, settings)
+    known = positions[: math.ceil(WARM_UP * take.rate)] if settings.method == "live" else positions
+    noise = _noise(known, settings)
     clock.begin("solving")
     rows, unknowns, energies, certificate, noise = _solve(rig, rows, take.rate, noise, settings, positions, rest, clock)
     clock.stop()
@@ -130,6 +133,8 @@ def _cleaned(take: MarkerTake, binding: Binding, settings: SolveSettings) -> Mar
     if lost.any():
         name = part.names[int(lost.argmax())]
         raise InputError(f"The marker {name!r} is missing in every frame; leave it out of the correspondences.")
+    if settings.method == "live":
+        return part  # to bridge a gap or to tell a spike takes the frame after it
     return fill_gaps(drop_spikes(part), settings.longest_gap)
 
 
@@ -139,9 +144,15 @@ def _without_head(
     """Head motion (T, 4, 4) in the rig's space, or None, and the take without it."""
     if settings.head == "keep" or len(take.names) < 4:
         return None, take
-    head, still = stabilize(take, settings.stable or None, rest=binding.to_take(rest))
+    if settings.method == "live":
+        if not settings.stable:
+            log.info("no stable markers are named, so the head's motion stays in the take")
+            return None, take
+        head, still = stabilize_live(take, settings.stable, binding.to_take(rest))
+    else:
+        head, still = stabilize(take, settings.stable or None, rest=binding.to_take(rest))
     moved = np.linalg.norm(still.positions - take.positions, axis=2)
-    if settings.head == "auto" and not np.nanmax(moved, initial=0.0) > HEAD_MOVES:
+    if settings.method != "live" and settings.head == "auto" and not np.nanmax(moved, initial=0.0) > HEAD_MOVES:
         return None, take
     to_rig = np.eye(4)
     to_rig[:3, :3], to_rig[:3, 3] = binding.scale * binding.rotation, binding.translation

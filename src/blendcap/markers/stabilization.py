@@ -97,6 +97,39 @@ def stabilize(
     return head, replace(take, positions=positions)
 
 
+def stabilize_live(take: MarkerTake, stable: Sequence[str], rest: np.ndarray) -> tuple[np.ndarray, MarkerTake]:
+    """Take the rigid motion of the head out of a take, every frame from itself and the past only.
+
+    Each frame's stable markers are fitted to those at rest by least squares; a frame that sees fewer than three of
+    them keeps the pose before it.
+
+    Parameters
+    ----------
+    take : MarkerTake
+    stable : sequence of str
+        Markers that move with the skull.
+    rest : (M, 3) float64
+        All markers with the head at rest, mm.
+
+    Returns
+    -------
+    head : (T, 4, 4) float64
+        From the stabilized take to the given one, mm.
+    stabilized : MarkerTake
+    """
+    seen = take.select(stable).positions
+    rest = np.asarray(rest)[[take.names.index(name) for name in stable]]
+    head = np.tile(np.eye(4), (len(seen), 1, 1))
+    enough = np.flatnonzero(np.isfinite(seen[..., 0]).sum(1) >= 3)
+    if len(enough):
+        rotations, translations, _ = align(rest, seen[enough], scale=False)
+        latest = np.searchsorted(enough, np.arange(len(seen)), side="right") - 1
+        known = latest >= 0
+        head[known, :3, :3], head[known, :3, 3] = rotations[latest[known]], translations[latest[known]]
+    positions = apply(take.positions - head[:, None, :3, 3], np.swapaxes(head[:, :3, :3], 1, 2), np.zeros(3))
+    return head, replace(take, positions=positions)
+
+
 def _strain(positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(M, M) standard deviation of each mutual distance over its mean, and whether the two were seen together."""
     arms = np.linalg.norm(positions[:, :, None] - positions[:, None], axis=-1)

@@ -22,7 +22,8 @@ class SolveSettings:
     method : {"learned", "paper", "live"}
         "learned": exact whole-take solves whose prior and dynamics are learned from the take itself.
         "paper": Eq. 3 of the 2016 paper (Eq. 33 of the thesis), every frame on its own.
-        "live": as learned, but with the past only.
+        "live": as learned, but with the past only (the noise is that of the first second): gaps are not bridged, and
+        the head's motion is removed only if `stable` names its markers.
     smoothness : float
         Factor on the learned coupling of neighbouring frames (learned, live): 1 as learned, 0 none.
     beta : float
