@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 import numpy as np
+from numba import get_num_threads, set_num_threads
 
 from blendcap.data import Certificate
 from blendcap.numerics.boxls import solve_box
@@ -80,10 +84,11 @@ class LiveSolver:
 
     def _solve(self, linear, hold, last, missing):
         rows = self.rows
-        answer, certificate = solve_box(
-            self.quadratic, (linear - hold * last)[None], diagonal=hold[None], lower=rows.lower, upper=rows.upper,
-            rows=rows.rows, missing=missing[None],
-        )  # fmt: skip
+        with _one_thread():
+            answer, certificate = solve_box(
+                self.quadratic, (linear - hold * last)[None], diagonal=hold[None], lower=rows.lower, upper=rows.upper,
+                rows=rows.rows, missing=missing[None],
+            )  # fmt: skip
         return answer[0], certificate
 
     def _learn(self) -> None:
@@ -92,6 +97,17 @@ class LiveSolver:
         steps = (self.steps + PSEUDO_FRAMES * self.start.steps) / weight + self.step_floor
         self.prior = TakePrior(covariance, steps)
         self._refresh()
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """To wake the threads takes longer than to solve one frame."""
+    threads = get_num_threads()
+    set_num_threads(1)
+    try:
+        yield
+    finally:
+        set_num_threads(threads)
 
 
 def solve_live(
