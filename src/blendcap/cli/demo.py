@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from blendcap.data import MarkerTake, Rig, Solution
     from blendcap.synthetic.takes import Truth
 
-RATE, SECONDS = 60.0, 5.0
+RATE, SECONDS = 60.0, 4.0
 MARKERS = "markers50"  # the mannequin's own marker set
 
 
