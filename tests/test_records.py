@@ -76,7 +76,7 @@ REFUSALS = [
      "The mesh's vertices holds a NaN or an infinite number, first at [3, 0]; remove or repair it."),
     # mesh
     (mesh, {"faces": [[0, 1, 4]]}, "The mesh's faces names vertex 4, but there are 4 (0 to 3)."),
-    (mesh, {"faces": [[0, -1, 2]]}, "The mesh's faces names vertex -1, but there are 4 (0 to 3)."),
+    (mesh, {"faces": [[0, -1, 2]]}, "The mesh's faces names vertex -1, but vertex numbers begin at 0."),
     (mesh, {"faces": [[0.0, 1.0, 2.0]]},
      "The mesh's faces must be whole numbers (indices of vertex), but are float64."),
     (mesh, {"faces": [[0, 1, 2, 3]]}, "The mesh's faces must have the shape (any, 3), but has (1, 4)."),
@@ -220,7 +220,7 @@ def test_a_record_cannot_be_changed(build):
 
 
 def test_points_on_a_face_below_zero_are_refused():
-    with pytest.raises(InputError, match=r"^The points' faces names face -3, but there are "):
+    with pytest.raises(InputError, match=r"^The points' faces names face -3, but face numbers begin at 0"):
         points(faces=[0, -3])
 
 

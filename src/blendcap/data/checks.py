@@ -49,8 +49,10 @@ def indices(values, upper: int, shape: tuple[int, ...], what: str, of_what: str)
     if given.size and not np.issubdtype(given.dtype, np.integer):
         raise InputError(f"{what} must be whole numbers (indices of {of_what}), but are {given.dtype}.")
     result = array(given, shape, what, dtype=np.int64)
-    if result.size and (result.min() < 0 or result.max() >= upper):
-        worst = int(result.min() if result.min() < 0 else result.max())
+    if result.size and result.min() < 0:
+        raise InputError(f"{what} names {of_what} {int(result.min())}, but {of_what} numbers begin at 0.")
+    if result.size and result.max() >= upper:
+        worst = int(result.max())
         raise InputError(f"{what} names {of_what} {worst}, but there are {upper} (0 to {upper - 1}).")
     return result
 

@@ -5,6 +5,9 @@ Greer, "Triangle Scan Conversion using 2D Homogeneous Coordinates" (1997). So no
 reach behind the camera. The three edge values over their sum are the perspective-correct barycentric coordinates, and
 their sum over the determinant is one over the depth. Two triangles that share an edge compute exactly opposite values
 on it, so that with a tie rule each pixel on the edge belongs to exactly one of them.
+
+Triangles that turn their back come last: on a closed surface the front has hidden them, and the farthest depth of each
+tile of pixels says so before a pixel is looked at.
 """
 
 from __future__ import annotations
@@ -20,6 +23,8 @@ from blendcap.rendering.parallel import each_band
 
 NEAR = 1e-3  # mm; what is nearer to the camera is not seen
 BAND = 96  # rows that one thread fills at a time
+TILE = 16  # pixels, of a side
+ABOVE_ZERO = 2.3e-308  # smaller than any edge function that is not zero
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,20 +73,54 @@ def visibility(corners: np.ndarray, faces: np.ndarray, size: tuple[int, int]) ->
     `corners` (V, 3) come from `to_homogeneous`.
     """
     width, height = size
-    face = np.full((height, width), -1, dtype=np.int32)
-    nearness = np.zeros((height, width))
-    pixels = where(corners)
-    each_band(height, BAND, lambda start, stop: fill(corners, pixels, faces, start, stop, face, nearness))
+    face, nearness = np.empty((height, width), dtype=np.int32), np.empty((height, width))
+    queue = line_up(corners, faces, width, height)
+    each_band(height, BAND, lambda top, stop: fill(corners, faces, *queue, top, face[top:stop], nearness[top:stop]))
     return face, nearness
 
 
-def where(corners: np.ndarray) -> np.ndarray:
-    """Pixels (V, 2) of homogeneous corners (V, 3); infinite behind the camera."""
-    front = corners[:, 2:] > NEAR
-    return np.where(front, corners[:, :2], np.inf) / np.where(front, corners[:, 2:], 1)
-
-
 @njit(cache=True, nogil=True, error_model="numpy")
+def line_up(corners, faces, width, height):
+    """Queue the triangles that may be seen: (F, 5) face, first and last column, first and last row.
+
+    Those that show their front stand at the start, those that show their back at the end, in reverse; the numbers of
+    both follow.
+    """
+    pixels = np.empty((len(corners), 2))
+    for v in range(len(corners)):
+        depth = corners[v, 2]
+        pixels[v, 0] = corners[v, 0] / depth if depth > NEAR else np.inf
+        pixels[v, 1] = corners[v, 1] / depth if depth > NEAR else np.inf
+    queue = np.empty((len(faces), 5), dtype=np.int32)
+    fronts, backs = 0, 0
+    for f in range(len(faces)):
+        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
+        if corners[i, 2] <= NEAR and corners[j, 2] <= NEAR and corners[k, 2] <= NEAR:
+            continue
+        left, right = _span(pixels[i, 0], pixels[j, 0], pixels[k, 0], width)
+        top, bottom = _span(pixels[i, 1], pixels[j, 1], pixels[k, 1], height)
+        if left > right or top > bottom:
+            continue
+        det = edges(corners, i, j, k)[3]
+        if not abs(det) > 0:  # seen exactly from its edge, or not a number
+            continue
+        place = fronts if det < 0 else len(faces) - 1 - backs
+        fronts, backs = fronts + (det < 0), backs + (det > 0)
+        queue[place, 0], queue[place, 1], queue[place, 2], queue[place, 3], queue[place, 4] = f, left, right, top, bottom
+    return queue, fronts, backs
+
+
+@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+def _span(a, b, c, stop):
+    """First and last pixel along an axis that a triangle may cover; all of them where it reaches behind the camera."""
+    low, high = min(a, b, c), max(a, b, c)
+    if not high - low < np.inf:
+        return 0, stop - 1
+    first = min(max(np.ceil(low - 1e-9), 0), stop)  # clamped before the whole number: a far corner may be at 1e20
+    return int(first), int(max(min(np.floor(high + 1e-9), stop - 1), -1))
+
+
+@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def edges(corners, i, j, k):
     """The three edge functions (a, b, c) of a triangle, for `a x + b y + c`, and its determinant."""
     x0, y0, z0 = corners[i, 0], corners[i, 1], corners[i, 2]
@@ -93,56 +132,62 @@ def edges(corners, i, j, k):
     return e0, e1, e2, x0 * e0[0] + y0 * e0[1] + z0 * e0[2]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _span(pixels, axis, i, j, k, stop):
-    """First and last pixel along an axis that a triangle may cover; all of them where it reaches behind the camera."""
-    a, b, c = pixels[i, axis], pixels[j, axis], pixels[k, axis]
-    low, high = min(a, b, c), max(a, b, c)
-    if not high - low < np.inf:
-        return 0, stop - 1
-    first = min(max(np.ceil(low - 1e-9), 0), stop)  # clamped before the whole number: a far corner may be at 1e20
-    return int(first), int(max(min(np.floor(high + 1e-9), stop - 1), -1))
+@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+def _least(a, b):
+    """The least value inside an edge; what is exactly on it belongs to the triangle that has it on its left or top."""
+    return 0.0 if a > 0 or (a == 0 and b > 0) else ABOVE_ZERO
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _inside(value, a, b):
-    """On the inner side of an edge; what is exactly on it belongs to the triangle that has it on its left or top."""
-    return value > 0 or (value == 0 and (a > 0 or (a == 0 and b > 0)))
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def fill(corners, pixels, faces, top, bottom, face, nearness):
-    """Write rows `top` to `bottom` of the z-buffer: `face` and one over the depth, `nearness`."""
-    width = face.shape[1]
-    for f in range(len(faces)):
+def fill(corners, faces, queue, fronts, backs, start, face, nearness):
+    """Write the rows from `start` of a z-buffer: `face` (H, W), and one over the depth, `nearness` (H, W)."""
+    height, width = face.shape
+    face[:], nearness[:] = -1, 0.0
+    tiles = np.zeros(((height - 1) // TILE + 1, (width - 1) // TILE + 1))
+    for n in range(fronts + backs):
+        if n == fronts:
+            _farthest(nearness, tiles)
+        place = n if n < fronts else len(queue) - 1 - (n - fronts)
+        top, bottom = max(queue[place, 3] - start, 0), min(queue[place, 4] - start, height - 1)
+        if top > bottom:
+            continue
+        f, left, right = queue[place, 0], queue[place, 1], queue[place, 2]
         i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
-        if corners[i, 2] <= NEAR and corners[j, 2] <= NEAR and corners[k, 2] <= NEAR:
+        z = min(corners[i, 2], corners[j, 2], corners[k, 2])
+        if z > NEAR and tiles[top // TILE : bottom // TILE + 1, left // TILE : right // TILE + 1].min() * z >= 1:
             continue
-        first, last = _span(pixels, 1, i, j, k, bottom)
-        first = max(first, top)
-        if first > last:
-            continue
-        left, right = _span(pixels, 0, i, j, k, width)
-        if left > right:
-            continue
-        (a0, b0, c0), (a1, b1, c1), (a2, b2, c2), det = edges(corners, i, j, k)
-        if not abs(det) > 0:  # seen exactly from its edge, or not a number
-            continue
-        if det < 0:  # seen from behind: turn all signs, so that inside is positive
-            a0, b0, c0, a1, b1, c1, a2, b2, c2 = -a0, -b0, -c0, -a1, -b1, -c1, -a2, -b2, -c2
-        scale = 1 / abs(det)
-        for y in range(first, last + 1):
-            r0, r1, r2 = b0 * y + c0, b1 * y + c1, b2 * y + c2
-            for x in range(left, right + 1):
-                e0, e1, e2 = a0 * x + r0, a1 * x + r1, a2 * x + r2
-                if _inside(e0, a0, b0) and _inside(e1, a1, b1) and _inside(e2, a2, b2):
-                    near = (e0 + e1 + e2) * scale
-                    if near > nearness[y, x] and near < 1 / NEAR:
-                        nearness[y, x] = near
-                        face[y, x] = f
+        _cover(edges(corners, i, j, k), f, left, right, top, bottom, start, face, nearness)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+def _cover(triangle, f, left, right, top, bottom, start, face, nearness):
+    """Write one triangle in a box of the z-buffer, where it is the nearest so far."""
+    (a0, b0, c0), (a1, b1, c1), (a2, b2, c2), det = triangle
+    if det < 0:  # seen from behind: turn all signs, so that inside is positive
+        a0, b0, c0, a1, b1, c1, a2, b2, c2 = -a0, -b0, -c0, -a1, -b1, -c1, -a2, -b2, -c2
+    scale = 1 / abs(det)
+    least0, least1, least2 = _least(a0, b0), _least(a1, b1), _least(a2, b2)
+    for y in range(top, bottom + 1):
+        r0, r1, r2 = b0 * (y + start) + c0, b1 * (y + start) + c1, b2 * (y + start) + c2
+        for x in range(left, right + 1):
+            e0, e1, e2 = a0 * x + r0, a1 * x + r1, a2 * x + r2
+            if e0 >= least0 and e1 >= least1 and e2 >= least2:
+                near = (e0 + e1 + e2) * scale
+                if near > nearness[y, x] and near < 1 / NEAR:
+                    nearness[y, x] = near
+                    face[y, x] = f
+
+
+@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+def _farthest(nearness, tiles):
+    """The farthest of each tile of pixels: the least `nearness`."""
+    tiles[:] = np.inf
+    for y in range(nearness.shape[0]):
+        for x in range(nearness.shape[1]):
+            tiles[y // TILE, x // TILE] = min(tiles[y // TILE, x // TILE], nearness[y, x])
+
+
+@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def weights_at(corners, i, j, k, x, y):
     """Perspective-correct barycentric coordinates of a triangle at a pixel, and whether its back is seen."""
     (a0, b0, c0), (a1, b1, c1), (a2, b2, c2), det = edges(corners, i, j, k)
