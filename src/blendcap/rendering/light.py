@@ -8,7 +8,7 @@ from numba import njit
 from blendcap.data import Camera
 from blendcap.rendering.camera import look_at, to_homogeneous
 from blendcap.rendering.parallel import each_band
-from blendcap.rendering.rasterize import fill, visibility
+from blendcap.rendering.rasterize import fill, line_up, visibility
 
 SKY_DIRECTIONS = 20
 SKY_PIXELS = 112
@@ -70,23 +70,23 @@ def _sky() -> np.ndarray:
 @njit(cache=True, nogil=True, error_model="numpy")
 def _look(vertices, normals, faces, projection, direction, seen, total):
     """How squarely each vertex faces one piece of sky, `total`, and how much of that reaches it, `seen`."""
-    corners, pixels = np.empty((len(vertices), 3)), np.empty((len(vertices), 2))
+    corners = np.empty((len(vertices), 3))
     for v in range(len(vertices)):
         x, y, z = vertices[v, 0], vertices[v, 1], vertices[v, 2]
         for c in range(3):
             corners[v, c] = projection[c, 0] * x + projection[c, 1] * y + projection[c, 2] * z + projection[c, 3]
-        for c in range(2):
-            pixels[v, c] = corners[v, c] / corners[v, 2]
-    nearness = np.zeros((SKY_PIXELS, SKY_PIXELS))
-    fill(corners, pixels, faces, 0, SKY_PIXELS, np.empty(nearness.shape, dtype=np.int32), nearness)
+    face, nearness = np.empty((SKY_PIXELS, SKY_PIXELS), dtype=np.int32), np.empty((SKY_PIXELS, SKY_PIXELS))
+    queue, fronts, backs = line_up(corners, faces, SKY_PIXELS, SKY_PIXELS)
+    fill(corners, faces, queue, fronts, backs, 0, face, nearness)
     for v in range(len(vertices)):
         facing = normals[v, 0] * direction[0] + normals[v, 1] * direction[1] + normals[v, 2] * direction[2]
         if facing > 0:
+            depth = corners[v, 2]
             total[v] = facing
-            seen[v] = facing * _reached(pixels[v, 0], pixels[v, 1], corners[v, 2], facing, nearness)
+            seen[v] = facing * _reached(corners[v, 0] / depth, corners[v, 1] / depth, depth, facing, nearness)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def _reached(x, y, depth, facing, nearness):
     """The share of four texels of a depth map that lets light through."""
     slack = depth / FOCAL * (0.6 + 1.2 / max(facing, 0.25))

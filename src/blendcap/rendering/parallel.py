@@ -1,11 +1,17 @@
-"""Threads over bands of work: each band is independent, so the answer does not depend on their number."""
+"""Threads over independent pieces of work, so that the answer does not depend on their number."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
+from typing import TypeVar
+
+AHEAD = 2  # pictures in the making while one is written
+
+Item, Answer = TypeVar("Item"), TypeVar("Answer")
 
 
 def each_band(count: int, size: int, work: Callable[[int, int], None]) -> None:
@@ -16,6 +22,18 @@ def each_band(count: int, size: int, work: Callable[[int, int], None]) -> None:
     bands = [(start, min(start + size, count)) for start in range(0, count, size)]
     for _ in _pool().map(lambda band: work(*band), bands):
         pass
+
+
+def each_ahead(work: Callable[[Item], Answer], items: Iterable[Item]) -> Iterator[Answer]:
+    """Yield `work(item)` for each item in order, while threads already work on the next ones."""
+    with ThreadPoolExecutor(AHEAD, thread_name_prefix="ahead") as pool:  # another pool: its work waits for bands
+        waiting = deque()
+        for item in items:
+            waiting.append(pool.submit(work, item))
+            if len(waiting) > AHEAD:
+                yield waiting.popleft().result()
+        while waiting:
+            yield waiting.popleft().result()
 
 
 @cache

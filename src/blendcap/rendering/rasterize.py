@@ -22,7 +22,7 @@ from blendcap.rendering.camera import to_homogeneous
 from blendcap.rendering.parallel import each_band
 
 NEAR = 1e-3  # mm; what is nearer to the camera is not seen
-BAND = 96  # rows that one thread fills at a time
+BAND = 144  # rows that one thread fills at a time
 TILE = 16  # pixels, of a side
 ABOVE_ZERO = 2.3e-308  # smaller than any edge function that is not zero
 
@@ -106,7 +106,13 @@ def line_up(corners, faces, width, height):
             continue
         place = fronts if det < 0 else len(faces) - 1 - backs
         fronts, backs = fronts + (det < 0), backs + (det > 0)
-        queue[place, 0], queue[place, 1], queue[place, 2], queue[place, 3], queue[place, 4] = f, left, right, top, bottom
+        queue[place, 0], queue[place, 1], queue[place, 2], queue[place, 3], queue[place, 4] = (
+            f,
+            left,
+            right,
+            top,
+            bottom,
+        )
     return queue, fronts, backs
 
 
@@ -153,8 +159,7 @@ def fill(corners, faces, queue, fronts, backs, start, face, nearness):
             continue
         f, left, right = queue[place, 0], queue[place, 1], queue[place, 2]
         i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
-        z = min(corners[i, 2], corners[j, 2], corners[k, 2])
-        if z > NEAR and tiles[top // TILE : bottom // TILE + 1, left // TILE : right // TILE + 1].min() * z >= 1:
+        if n >= fronts and _hidden(corners, i, j, k, tiles, left, right, top, bottom):
             continue
         _cover(edges(corners, i, j, k), f, left, right, top, bottom, start, face, nearness)
 
@@ -169,22 +174,43 @@ def _cover(triangle, f, left, right, top, bottom, start, face, nearness):
     least0, least1, least2 = _least(a0, b0), _least(a1, b1), _least(a2, b2)
     for y in range(top, bottom + 1):
         r0, r1, r2 = b0 * (y + start) + c0, b1 * (y + start) + c1, b2 * (y + start) + c2
+        entered = False
         for x in range(left, right + 1):
             e0, e1, e2 = a0 * x + r0, a1 * x + r1, a2 * x + r2
-            if e0 >= least0 and e1 >= least1 and e2 >= least2:
+            if (e0 >= least0) & (e1 >= least1) & (e2 >= least2):
+                entered = True
                 near = (e0 + e1 + e2) * scale
-                if near > nearness[y, x] and near < 1 / NEAR:
+                if (near > nearness[y, x]) & (near < 1 / NEAR):
                     nearness[y, x] = near
                     face[y, x] = f
+            elif entered:  # a triangle is convex: nothing more in this row
+                break
 
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def _farthest(nearness, tiles):
-    """The farthest of each tile of pixels: the least `nearness`."""
-    tiles[:] = np.inf
-    for y in range(nearness.shape[0]):
-        for x in range(nearness.shape[1]):
-            tiles[y // TILE, x // TILE] = min(tiles[y // TILE, x // TILE], nearness[y, x])
+    """Write the farthest of each tile of pixels, the least `nearness`."""
+    height, width = nearness.shape
+    for row in range(len(tiles)):
+        for column in range(tiles.shape[1]):
+            least = np.inf
+            for y in range(row * TILE, min((row + 1) * TILE, height)):
+                for x in range(column * TILE, min((column + 1) * TILE, width)):
+                    least = min(least, nearness[y, x])
+            tiles[row, column] = least
+
+
+@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+def _hidden(corners, i, j, k, tiles, left, right, top, bottom):
+    """Whether all of a triangle lies behind the farthest that its tiles of pixels see."""
+    nearest = min(corners[i, 2], corners[j, 2], corners[k, 2])
+    if not nearest > NEAR:
+        return False
+    for row in range(top // TILE, bottom // TILE + 1):
+        for column in range(left // TILE, right // TILE + 1):
+            if tiles[row, column] * nearest < 1:
+                return False
+    return True
 
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)

@@ -14,7 +14,7 @@ from blendcap.rendering.color import to_linear
 from blendcap.rendering.light import box, light_camera, openness, shadow_map
 from blendcap.rendering.normals import vertex_normals
 from blendcap.rendering.parallel import each_band
-from blendcap.rendering.rasterize import BAND, visibility
+from blendcap.rendering.rasterize import BAND, fill, line_up
 from blendcap.rendering.shading import COLOR, NORMAL, POSITION, SKY, WIDTH, Light, shade
 from blendcap.rendering.texture import NONE, Texture, texture_of
 
@@ -67,10 +67,15 @@ class Surface:
     table: np.ndarray
     texture: Texture
 
-    def posed(self, vertices: np.ndarray) -> Surface:
-        """The same surface with other vertices (V, 3), mm."""
+    @property
+    def sky(self) -> np.ndarray:
+        """How open to the sky each vertex is, (V,), 0 to 1."""
+        return self.table[:, SKY]
+
+    def posed(self, vertices: np.ndarray, sky: np.ndarray | None = None) -> Surface:
+        """The same surface with other vertices (V, 3), mm; their openness to the sky (V,) is found if not given."""
         vertices = np.ascontiguousarray(vertices, dtype=np.float64)
-        return replace(self, vertices=vertices, table=_formed(self.table, vertices, self.faces))
+        return replace(self, vertices=vertices, table=_formed(self.table, vertices, self.faces, sky))
 
     def picture(self, camera: Camera, size: tuple[int, int], *, light: Light | None = None, background=None):
         """Picture (H, W, 3) uint8, sRGB; see `render`."""
@@ -80,13 +85,16 @@ class Surface:
         shadow = shadow_map(self.vertices, self.faces, shadow_camera, SHADOW_PIXELS)
         scene = light.scene(camera, shadow_camera)
         corners = to_homogeneous(self.vertices, _doubled(camera))
-        seen = visibility(corners, self.faces, (2 * size[0], 2 * size[1]))
-        backdrop = _backdrop(background, size)
+        queue = line_up(corners, self.faces, 2 * size[0], 2 * size[1])
         texture = self.texture.at(corners, self.faces)
-        picture = np.empty((size[1], size[0], 3), dtype=np.uint8)
+        picture = _backdrop(background, size)
 
         def paint(top: int, bottom: int) -> None:
-            shade(corners, self.faces, *seen, self.table, *texture, scene, shadow, backdrop, top, bottom, picture)
+            band = (2 * (bottom - top), 2 * size[0])
+            face, nearness = np.empty(band, dtype=np.int32), np.empty(band)
+            fill(corners, self.faces, *queue, 2 * top, face, nearness)
+            part = picture[top:bottom]
+            shade(corners, self.faces, face, nearness, self.table, *texture, scene, shadow, top, part)
 
         each_band(size[1], BAND // 2, paint)
         return picture
@@ -105,12 +113,12 @@ def prepare(mesh: Mesh, color: np.ndarray | tuple[float, float, float] | None = 
     return Surface(mesh.vertices, faces, _formed(table, mesh.vertices, faces), texture)
 
 
-def _formed(table: np.ndarray, vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+def _formed(table: np.ndarray, vertices: np.ndarray, faces: np.ndarray, sky: np.ndarray | None = None) -> np.ndarray:
     """The table with the positions, normals and openness of these vertices."""
     formed = table.copy()
     formed[:, POSITION : POSITION + 3] = vertices
-    formed[:, NORMAL : NORMAL + 3] = vertex_normals(vertices, faces)
-    formed[:, SKY] = openness(vertices, formed[:, NORMAL : NORMAL + 3], faces)
+    formed[:, NORMAL : NORMAL + 3] = normals = vertex_normals(vertices, faces)
+    formed[:, SKY] = openness(vertices, normals, faces) if sky is None else sky
     return formed
 
 
@@ -121,16 +129,16 @@ def _doubled(camera: Camera) -> Camera:
 
 
 def _backdrop(background, size: tuple[int, int]) -> np.ndarray:
-    """Linear light (H, W, 3) behind the mesh."""
+    """What is behind the mesh, as a new picture (H, W, 3) uint8, sRGB."""
     if background is None:
-        return _studio(*size)
-    background = to_linear(np.asarray(background, dtype=np.float64))
+        return _studio(*size).copy()
+    background = np.asarray(background, dtype=np.float64)
     if background.ndim == 3 and background.shape[:2] != (size[1], size[0]):
         raise InputError(
             f"The background is {background.shape[1]} x {background.shape[0]} pixels, but the picture is "
             f"{size[0]} x {size[1]}; give a background of the picture's size."
         )
-    return np.ascontiguousarray(np.broadcast_to(background, (size[1], size[0], 3)))
+    return np.broadcast_to(_bytes(background), (size[1], size[0], 3)).copy()
 
 
 @lru_cache(maxsize=8)
@@ -139,4 +147,8 @@ def _studio(width: int, height: int) -> np.ndarray:
     x = np.linspace(-1, 1, width)[None, :]
     y = np.linspace(-0.8, 1.2, height)[:, None]
     glow = np.exp(-(x**2 + y**2) / 1.1)[..., None]
-    return to_linear(STUDIO[0] + (STUDIO[1] - STUDIO[0]) * glow)
+    return _bytes(STUDIO[0] + (STUDIO[1] - STUDIO[0]) * glow)
+
+
+def _bytes(color: np.ndarray) -> np.ndarray:
+    return (np.clip(color, 0, 1) * 255 + 0.5).astype(np.uint8)

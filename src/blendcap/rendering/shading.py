@@ -58,66 +58,88 @@ class Light:
 
 
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
-def shade(corners, faces, face, nearness, table, image, uv, uv_faces, scene, shadow, backdrop, top, bottom, out):
-    """Write rows `top` to `bottom` of `out` (H, W, 3), sRGB bytes, from a z-buffer of twice the size.
+def shade(corners, faces, face, nearness, table, image, uv, uv_faces, scene, shadow, top, out):
+    """Paint a band of a picture over its background, `out` (H, W, 3), sRGB, from a z-buffer of twice the size.
 
     A pixel whose four samples lie on one surface is shaded once, in its middle and on the face nearest to the camera
-    (a face behind may be seen from inside, and dark); at an edge each sample is shaded.
+    (a face behind may be seen from inside, and dark); at an edge each sample is shaded. `top` is the picture's row in
+    which the band starts.
     """
-    point = np.empty(WIDTH)
-    for y in range(top, bottom):
+    for y in range(out.shape[0]):
         for x in range(out.shape[1]):
-            near, far, covered, nearest = 0.0, np.inf, 0, -1
-            for s in range(4):
-                row, column = 2 * y + s // 2, 2 * x + s % 2
-                covered += face[row, column] >= 0
-                far = min(far, nearness[row, column])
-                if nearness[row, column] > near:
-                    near, nearest = nearness[row, column], face[row, column]
-            if covered == 4 and near < far * (1 + SAME_DEPTH):
-                look_up(corners, faces, nearest, 2 * x + 0.5, 2 * y + 0.5, table, image, uv, uv_faces, point)
-                red, green, blue = light(point, scene, shadow)
-            else:
-                free = 1 - covered / 4
-                red, green, blue = free * backdrop[y, x, 0], free * backdrop[y, x, 1], free * backdrop[y, x, 2]
-                for s in range(4 if covered else 0):
-                    row, column = 2 * y + s // 2, 2 * x + s % 2
-                    if face[row, column] >= 0:
-                        look_up(corners, faces, face[row, column], column, row, table, image, uv, uv_faces, point)
-                        r, g, b = light(point, scene, shadow)
-                        red, green, blue = red + r / 4, green + g / 4, blue + b / 4
+            covered, even, nearest = _survey(face, nearness, 2 * y, 2 * x)
+            if covered == 0:
+                continue
+            samples = 1 if even else 4
+            red, green, blue = 0.0, 0.0, 0.0
+            for n in range(samples):
+                right, down = (0.5, 0.5) if even else (n % 2, n // 2)
+                f = nearest if even else face[2 * y + n // 2, 2 * x + n % 2]
+                if f < 0:
+                    r, g, b = LINEAR[out[y, x, 0]], LINEAR[out[y, x, 1]], LINEAR[out[y, x, 2]]
+                else:
+                    back, weights = _weights(corners, faces, f, 2 * x + right, 2 * (y + top) + down)
+                    point, normal = (
+                        _mixed3(table, POSITION, faces, f, weights),
+                        _mixed3(table, NORMAL, faces, f, weights),
+                    )
+                    if len(uv_faces) > 0:
+                        s, t = _mixed(uv, 0, uv_faces, f, weights), _mixed(uv, 1, uv_faces, f, weights)
+                        color = _texel(image, s, t)
+                    else:
+                        color = _mixed3(table, COLOR, faces, f, weights)
+                    sky = _mixed(table, SKY, faces, f, weights)
+                    r, g, b = light(point, normal, color, sky, back, scene, shadow)
+                red, green, blue = red + r / samples, green + g / samples, blue + b / samples
             out[y, x, 0], out[y, x, 1], out[y, x, 2] = _byte(red), _byte(green), _byte(blue)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy", forceinline=True)
+def _survey(face, nearness, row, column):
+    """How many of a pixel's four samples see something, whether all see one surface, and the face nearest to them."""
+    near, far, covered, nearest = 0.0, np.inf, 0, -1
+    for s in range(4):
+        y, x = row + s // 2, column + s % 2
+        covered += face[y, x] >= 0
+        far = min(far, nearness[y, x])
+        if nearness[y, x] > near:
+            near, nearest = nearness[y, x], face[y, x]
+    return covered, covered == 4 and near < far * (1 + SAME_DEPTH), nearest
+
+
+@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def _byte(linear):
     return PIXELS[int(min(max(linear, 0.0), 1.0) * (STEPS - 1) + 0.5)]
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
-def look_up(corners, faces, f, x, y, table, image, uv, uv_faces, out):
-    """What the table says at a pixel in or near face `f`; the inside of the surface turns its normal and is dark."""
-    i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
-    u, v, w, back = weights_at(corners, i, j, k, x, y)
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy", forceinline=True)
+def _weights(corners, faces, f, x, y):
+    """Whether the back of face `f` is seen, and the barycentric coordinates of the place in it nearest to a pixel."""
+    u, v, w, back = weights_at(corners, faces[f, 0], faces[f, 1], faces[f, 2], x, y)
     u, v, w = max(u, 0.0), max(v, 0.0), max(w, 0.0)
-    total = u + v + w
-    u, v, w = u / total, v / total, w / total
-    for c in range(WIDTH):
-        out[c] = u * table[i, c] + v * table[j, c] + w * table[k, c]
-    if len(uv_faces) > 0:
-        i, j, k = uv_faces[f, 0], uv_faces[f, 1], uv_faces[f, 2]
-        s = u * uv[i, 0] + v * uv[j, 0] + w * uv[k, 0]
-        t = u * uv[i, 1] + v * uv[j, 1] + w * uv[k, 1]
-        _texel(image, s, t, out)
-    if back:
-        for c in range(NORMAL, NORMAL + 3):
-            out[c] = -out[c]
-        for c in range(COLOR, COLOR + 3):
-            out[c] *= INSIDE
+    scale = 1 / (u + v + w)
+    return back, (u * scale, v * scale, w * scale)
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
-def _texel(image, s, t, out):
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy", forceinline=True)
+def _mixed(table, column, faces, f, weights):
+    """A column of a table between the three rows of a face."""
+    u, v, w = weights
+    return u * table[faces[f, 0], column] + v * table[faces[f, 1], column] + w * table[faces[f, 2], column]
+
+
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy", forceinline=True)
+def _mixed3(table, column, faces, f, weights):
+    """Three columns of a table, from `column`, between the three rows of a face."""
+    return (
+        _mixed(table, column, faces, f, weights),
+        _mixed(table, column + 1, faces, f, weights),
+        _mixed(table, column + 2, faces, f, weights),
+    )
+
+
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy", forceinline=True)
+def _texel(image, s, t):
     """Bilinear look-up of an image (H, W, 3), sRGB, at texture coordinates with v up; the border goes on."""
     height, width = image.shape[0], image.shape[1]
     x = min(max(s * width - 0.5, 0.0), width - 1.0)
@@ -125,22 +147,25 @@ def _texel(image, s, t, out):
     left, top = int(x), int(y)
     right, low = min(left + 1, width - 1), min(top + 1, height - 1)
     a, b = x - left, y - top
-    for c in range(3):
-        upper = (1 - a) * LINEAR[image[top, left, c]] + a * LINEAR[image[top, right, c]]
-        lower = (1 - a) * LINEAR[image[low, left, c]] + a * LINEAR[image[low, right, c]]
-        out[COLOR + c] = (1 - b) * upper + b * lower
+    red, green, blue = 0.0, 0.0, 0.0
+    for row, column, part in ((top, left, (1 - a) * (1 - b)), (top, right, a * (1 - b)),
+                              (low, left, (1 - a) * b), (low, right, a * b)):  # fmt: skip
+        red += part * LINEAR[image[row, column, 0]]
+        green += part * LINEAR[image[row, column, 1]]
+        blue += part * LINEAR[image[row, column, 2]]
+    return red, green, blue
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
-def light(point, scene, shadow):
-    """The light (red, green, blue) that leaves a point of the table towards the camera.
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy", forceinline=True)
+def light(point, normal, color, sky, back, scene, shadow):
+    """The light (red, green, blue) that leaves a point towards the camera.
 
-    Diffuse light wraps around the form, the red most, as it does under skin.
+    Diffuse light wraps around the form, the red most, as it does under skin. The inside of the surface turns its
+    normal and is dark.
     """
-    gloss = scene[GLOSS]
-    nx, ny, nz = _unit(point[3], point[4], point[5])
+    side = -1.0 if back else 1.0
+    nx, ny, nz = _unit(side * normal[0], side * normal[1], side * normal[2])
     vx, vy, vz = _unit(scene[EYE] - point[0], scene[EYE + 1] - point[1], scene[EYE + 2] - point[2])
-    sky = point[SKY]
     dome = scene[STRENGTHS + 3] * (0.72 + 0.28 * ny) * sky
     red, green, blue = dome * 0.97, dome, dome * 1.05
     shine = 0.0
@@ -153,28 +178,43 @@ def light(point, scene, shadow):
         red += strength * max(facing + WRAP[0], 0.0) / (1 + WRAP[0])
         green += strength * max(facing + WRAP[1], 0.0) / (1 + WRAP[1])
         blue += strength * max(facing + WRAP[2], 0.0) / (1 + WRAP[2])
-        if facing > 0 and gloss > 0:
-            hx, hy, hz = _unit(lx + vx, ly + vy, lz + vz)
-            half = nx * hx + ny * hy + nz * hz
-            if half > 0.6:
-                shine += strength * (0.6 * half**14 + 0.4 * half**48)
-    shine *= gloss
-    return _roll_off(point[6] * red + shine), _roll_off(point[7] * green + shine), _roll_off(point[8] * blue + shine)
+        if facing > 0:
+            towards = max(2 + 2 * (lx * vx + ly * vy + lz * vz), 1e-24)  # squared length of light plus view
+            shine += strength * _highlight((facing + nx * vx + ny * vy + nz * vz) / np.sqrt(towards))
+    shine *= scene[GLOSS]
+    paint = INSIDE if back else 1.0
+    return (
+        _roll_off(paint * color[0] * red + shine),
+        _roll_off(paint * color[1] * green + shine),
+        _roll_off(paint * color[2] * blue + shine),
+    )
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy", forceinline=True)
+def _highlight(half):
+    """How much a surface shines whose normal meets the direction halfway between light and view with this cosine."""
+    if half <= 0.6:
+        return 0.0
+    h2 = half * half
+    h4 = h2 * h2
+    h8 = h4 * h4
+    h16 = h8 * h8
+    return 0.6 * h8 * h4 * h2 + 0.4 * h16 * h16 * h16  # to the power of 14 and 48
+
+
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy", forceinline=True)
 def _unit(x, y, z):
     scale = 1 / np.sqrt(max(x * x + y * y + z * z, 1e-24))
     return x * scale, y * scale, z * scale
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy", forceinline=True)
 def _roll_off(value):
     """Bright light is compressed as film does it, so that highlights keep their form."""
     return min(1.12 * value / (1 + 0.2 * value), 1.0)
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy", forceinline=True)
 def _lit(point, facing, scene, shadow):
     """The share of the key light, 0 to 1, that reaches a point: 3 x 3 texels of its depth map, blended."""
     px, py, pz = point[0], point[1], point[2]

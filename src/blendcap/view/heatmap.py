@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from blendcap.data import Animation, InputError, Rig, SurfacePoints
-from blendcap.numerics.geodesic import surface_distances
+from blendcap.numerics.geodesic import sewn_vertices, surface_distances
 from blendcap.rendering import Light, default_colors, prepare
 from blendcap.view.image import draw_text, write_image
 from blendcap.view.posing import VIEWS, side_by_side, weights_on
@@ -87,8 +87,9 @@ def marker_heat(rig: Rig, points: SurfacePoints, errors: np.ndarray) -> tuple[np
     count = len(rig.mesh.vertices)
     if not len(known):
         return np.full(count, np.nan), np.zeros(count)
-    corners = rig.mesh.faces[points.faces[known], points.barycentric[known].argmax(1)]
-    distances = surface_distances(rig.mesh.vertices, rig.mesh.faces, corners, 2.5 * REACH)
+    sewn = sewn_vertices(rig.mesh.vertices, rig.deltas)
+    corners = sewn[rig.mesh.faces[points.faces[known], points.barycentric[known].argmax(1)]]
+    distances = surface_distances(rig.mesh.vertices, sewn[rig.mesh.faces], corners, 2.5 * REACH)[:, sewn]
     nearest = distances.min(0)
     near = np.isfinite(nearest)
     weights = np.exp(0.5 * (nearest[near] ** 2 - distances[:, near] ** 2) / (REACH / 2.2) ** 2)  # the nearest counts 1
@@ -96,6 +97,13 @@ def marker_heat(rig: Rig, points: SurfacePoints, errors: np.ndarray) -> tuple[np
     spread[near] = errors[known] @ weights / weights.sum(0)
     fade = np.clip((1.5 * REACH - np.where(near, nearest, np.inf)) / (0.7 * REACH), 0, 1)
     return spread, fade**2 * (3 - 2 * fade)
+
+
+def _twins(faces: np.ndarray, welded: np.ndarray, count: int) -> np.ndarray:
+    """For each vertex (V,) the one that stands for it in the welded faces."""
+    twins = np.arange(count)
+    twins[faces.ravel()] = welded.ravel()
+    return twins
 
 
 def vertex_error(answer: Animation, truth: Animation, rig: Rig) -> np.ndarray:

@@ -57,9 +57,14 @@ def draw_text(
     """Write a line of text of `height` pixels at a place (x, y) on a picture; `anchor` as in Pillow."""
     from PIL import Image, ImageDraw
 
-    strip = Image.fromarray(picture)
-    ImageDraw.Draw(strip).text(at, text, fill=color, font=_font(height), anchor=anchor)
-    picture[:] = strip
+    font = _font(height)
+    box = np.reshape(font.getbbox(text, anchor=anchor), (2, 2)) + at + [[-1], [1]]  # a pixel more on each side
+    (left, top), (right, bottom) = np.clip(box, 0, picture.shape[1::-1]).astype(int)
+    if left >= right or top >= bottom:
+        return
+    patch = Image.fromarray(picture[top:bottom, left:right])
+    ImageDraw.Draw(patch).text((at[0] - left, at[1] - top), text, fill=color, font=font, anchor=anchor)
+    picture[top:bottom, left:right] = patch
 
 
 @cache

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
 from blendcap.data import Animation, Camera, InputError, Rig
-from blendcap.rendering import default_colors, prepare, project
+from blendcap.rendering import Surface, default_colors, prepare, project
+from blendcap.rendering.parallel import each_ahead
 from blendcap.view.image import draw_dots, draw_lines, draw_text
 from blendcap.view.posing import VIEWS, side_by_side, weights_on
 from blendcap.view.video import write_video
 
+SKY_RATE = 15.0  # openness to the sky is computed as often a second; it changes slowly and is blended between
 TARGET, FITTED, LINE = (214, 48, 49), (30, 96, 196), (70, 70, 78)
 
 
@@ -56,19 +59,37 @@ def write_preview(
 
 
 def _frames(rig, animation, size, yaws, targets, fitted, title, progress) -> Iterator[np.ndarray]:
-    weights, neutral = weights_on(rig, animation), prepare(rig.mesh, default_colors(rig))
-    views = side_by_side(rig, size, yaws)
-    for t, row in enumerate(weights):
-        surface = neutral.posed(rig.pose(row))
+    views, count = side_by_side(rig, size, yaws), len(animation.weights)
+
+    def draw(task: tuple[int, Surface]) -> np.ndarray:
+        t, surface = task
         marked = [None if points is None else points[t] for points in (targets, fitted)]
         parts = [surface.picture(camera, part) for camera, part in views]
         for picture, (camera, _) in zip(parts, views, strict=True):
             mark(picture, camera, *marked)
-        picture = np.hstack(parts)
-        _caption(picture, title, f"{t + 1} / {len(weights)}    {animation.times[t]:.2f} s")
+        return np.hstack(parts)
+
+    for t, picture in enumerate(each_ahead(draw, enumerate(_surfaces(rig, animation)))):
+        _caption(picture, title, f"{t + 1} / {count}    {animation.times[t]:.2f} s")
         yield picture
         if progress is not None:
-            progress(t + 1, len(weights))
+            progress(t + 1, count)
+
+
+def _surfaces(rig: Rig, animation: Animation) -> Iterator[Surface]:
+    """The posed face of each frame; its openness to the sky is blended between key frames."""
+    weights, neutral = weights_on(rig, animation), prepare(rig.mesh, default_colors(rig))
+    if not len(weights):
+        return
+    last, step = len(weights) - 1, max(round(animation.rate / SKY_RATE), 1)
+    sky = neutral.posed(rig.pose(weights[0])).sky
+    for start, stop in pairwise([*range(0, last, step), last]):
+        coming = neutral.posed(rig.pose(weights[stop])).sky
+        for t in range(start, stop):
+            share = (t - start) / (stop - start)
+            yield neutral.posed(rig.pose(weights[t]), (1 - share) * sky + share * coming)
+        sky = coming
+    yield neutral.posed(rig.pose(weights[last]), sky)
 
 
 def _caption(picture: np.ndarray, title: str, counter: str) -> None:
