@@ -12,15 +12,16 @@ from pathlib import Path
 
 import blendcap
 
-NEEDED = ("numpy", "scipy", "numba", "libigl", "ezc3d", "trimesh", "opencv-python-headless", "imageio-ffmpeg",
-          "matplotlib", "cyclopts", "rich")  # fmt: skip
+NEEDED = ("numpy", "scipy", "numba", "ezc3d", "trimesh", "opencv-python-headless", "imageio-ffmpeg",
+          "matplotlib", "pillow", "cyclopts", "rich")  # fmt: skip
+COMPILING = 64  # frames: enough for every kernel to be compiled
 OPTIONAL = {"daqp": "bench", "piqp": "bench", "pytest": "dev"}
 
 
 def doctor() -> int:
     """Check this installation and say what to do if something is missing.
 
-    The first time it also compiles the solvers, which takes a minute; later runs load them.
+    The first time it also compiles the solvers and the renderer, which takes a minute; later runs load them.
 
     The exit code is 1 if something that is needed does not work; each such line says what to do.
     """
@@ -50,6 +51,7 @@ def _findings() -> Iterator[tuple[bool | None, str, str]]:
     yield _cache()
     yield _video()
     yield _solver()
+    yield _renderer()
 
 
 def _version(package: str) -> str | None:
@@ -85,17 +87,32 @@ def _video() -> tuple[bool, str, str]:
 
 
 def _solver() -> tuple[bool, str, str]:
-    """Problems with a known answer: (a - 2)² is least at 1 within [0, 1], frame by frame and over three frames."""
+    """Problems with a known answer: (a - 2)² is least at 1 within [0, 1], frame by frame and over all frames."""
     import numpy as np
 
     from blendcap.numerics.boxseq import solve_box_sequence
 
     start = time.perf_counter()
     try:
-        gram, linear = np.eye(1), np.full((3, 1), -2.0)
+        gram, linear = np.eye(1), np.full((COMPILING, 1), -2.0)
         answers = (blendcap.solve_box(gram, linear), solve_box_sequence(gram, linear, np.ones(1)))
     except Exception as error:  # whatever a broken compiler or library raises is the finding
         return False, "solver", f"does not run ({type(error).__name__}: {error}); reinstall numba and numpy"
     good = all(certificate.converged and (weights == 1).all() for weights, certificate in answers)
     seconds = time.perf_counter() - start
     return good, "solver", f"exact, {seconds:.1f} s" if good else "gives a wrong answer; reinstall numba and numpy"
+
+
+def _renderer() -> tuple[bool, str, str]:
+    """A picture of the embedded face: it must hold more than its background."""
+    from blendcap.rendering import face_camera, render
+
+    start = time.perf_counter()
+    try:
+        mesh = blendcap.mannequin().mesh
+        picture = render(mesh, face_camera(mesh.vertices, (64, 64)), (64, 64))
+    except Exception as error:  # as for the solver
+        return False, "renderer", f"does not run ({type(error).__name__}: {error}); reinstall numba and numpy"
+    seconds = time.perf_counter() - start
+    good = float(picture.std()) > 10
+    return good, "renderer", f"draws, {seconds:.1f} s" if good else "draws nothing; reinstall numba and numpy"

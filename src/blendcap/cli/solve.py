@@ -30,8 +30,10 @@ def solve(
     method: Literal["learned", "paper", "live"] = "learned",
     smoothness: float | None = None,
     beta: float | None = None,
+    coupling: float | None = None,
     helmet: Literal["rigid", "paper", "none"] = "rigid",
     head: Literal["auto", "remove", "keep"] = "auto",
+    stable: Annotated[tuple[str, ...], Parameter(negative=())] = (),
     preview: Path | None = None,
     report: Path | None = None,
     picture: Path | None = None,
@@ -50,20 +52,25 @@ def solve(
     rom
         A range-of-motion take of the same markers; it places the markers on the rig more exactly.
     correspondences
-        A .json that says where each marker sits: {"NoseTip": 4321, "ChinL": "landmarks68/7"}. Found from the shape of
+        A .json that says where each marker sits: {"NoseTip": 4321, "ChinL": "landmarks68/9"}. Found from the shape of
         the marker cloud if not given: check the picture then.
     unit
         The unit of the take, if the file does not say it.
     method
         learned: exact whole-take solve, prior learned from the take. paper: Eq. 3 of the 2016 paper. live: past only.
     smoothness
-        Strength of the coupling of neighbouring frames: 1 is as learned, 0 none. With --method paper: λ in mm².
+        Strength of the coupling of neighbouring frames: 1 is as learned, 0 none. Not with --method
+        paper.
     beta
         The paper's β in mm²: the larger, the sparser and the more muted. Only with --method paper.
+    coupling
+        λ of λ |a_t - a_(t-1)|², in mm²; 0 is the paper's. Only with --method paper.
     helmet
         Motion of the head rig: six signed unknowns, the thesis' twelve dummy shapes, or none.
     head
         Large head motion: removed if there is any, always, or never.
+    stable
+        A marker that moves with the skull, by name; repeat it for at least three. Found from the take if not given.
     preview
         A .mp4 or .gif of the answer with the markers on it, at most 30 frames a second.
     report
@@ -77,7 +84,7 @@ def solve(
 
     for paths, endings in ((output, ANIMATIONS), ([preview], VIDEOS), ([report], PAGES), ([picture], PICTURES)):
         check_outputs(paths, endings)
-    settings = _settings(method, smoothness, beta, helmet=helmet, head=head)
+    settings = _settings(method, smoothness, beta, coupling, helmet=helmet, head=head, stable=stable)
     progress = Progress(quiet=as_json)
     with progress.step("read", "Read the rig and the take"):
         the_rig, the_take = read_rig(rig), read_markers(take, unit=unit)
@@ -150,18 +157,12 @@ def _write_preview(path: Path, rig: Rig, solution: Solution, progress: Progress)
 
 def summary(take: MarkerTake, solution: Solution, progress: Progress) -> dict[str, Any]:
     """The facts of a solve, as `solve --json` prints them."""
-    import numpy as np
-
-    squares = np.square(solution.residuals)
-    seen = np.isfinite(squares)
-    counts = seen.sum(0)
-    per_marker = np.sqrt(np.where(seen, squares, 0).sum(0) / np.where(counts > 0, counts, np.nan))
     return {
         "frames": len(take.positions),
         "rate": take.rate,
         "markers": len(take.names),
-        "rms_mm": float(np.sqrt(squares[seen].mean())) if seen.any() else np.nan,
-        "rms_mm_per_marker": dict(zip(solution.marker_names, per_marker.tolist(), strict=True)),
+        "rms_mm": solution.rms_mm,
+        "rms_mm_per_marker": dict(zip(solution.marker_names, solution.marker_rms.tolist(), strict=True)),
         "max_kkt": solution.certificate.max_kkt,
         "converged": solution.certificate.converged,
         "unseen": list(solution.unseen),
@@ -169,11 +170,16 @@ def summary(take: MarkerTake, solution: Solution, progress: Progress) -> dict[st
     }
 
 
-def _settings(method: str, smoothness: float | None, beta: float | None, **others: str):
+def _settings(method: str, smoothness: float | None, beta: float | None, coupling: float | None, **others: Any):
     """Only what was asked for; the rest keeps the defaults of SolveSettings."""
     given: dict[str, Any] = {"method": method, **others}
-    if smoothness is not None:
-        given["coupling" if method == "paper" else "smoothness"] = smoothness
-    if beta is not None:
-        given["beta"] = beta
+    for name, value, methods in (
+        ("smoothness", smoothness, ("learned", "live")), ("beta", beta, ("paper",)), ("coupling", coupling, ("paper",)),
+    ):  # fmt: skip
+        if value is None:
+            continue
+        if method not in methods:
+            wanted = " or ".join(methods)
+            raise blendcap.InputError(f"--{name} belongs to --method {wanted}, not to {method}; leave it out.")
+        given[name] = value
     return blendcap.SolveSettings(**given)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from blendcap.data import checks
+from blendcap.data.errors import InputError
 from blendcap.data.surface import SurfacePoints
 
 
@@ -48,6 +49,8 @@ class Binding:
         put, count = object.__setattr__, len(self.points.names)
         put(self, "rotation", checks.array(self.rotation, (3, 3), "The binding's rotation", finite=True))
         put(self, "translation", checks.array(self.translation, (3,), "The binding's translation", finite=True))
+        if not (np.isfinite(self.scale) and self.scale > 0):
+            raise InputError(f"The binding's scale must be a positive number, but is {self.scale!r}.")
         put(self, "offsets", checks.array(self.offsets, (count, 3), "The binding's offsets", finite=True))
         put(self, "errors", checks.array(self.errors, (checks.ANY,), "The binding's errors"))
 

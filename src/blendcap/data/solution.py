@@ -73,3 +73,16 @@ class Solution:
     fitted: np.ndarray | None = None
     settings: Mapping[str, str] = field(default_factory=dict)
     seconds: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def rms_mm(self) -> float:
+        """Root of the mean squared residual over all markers seen in all frames, mm; NaN if none was seen."""
+        seen = np.isfinite(self.residuals)
+        return float(np.sqrt(np.mean(self.residuals[seen] ** 2))) if seen.any() else float("nan")
+
+    @property
+    def marker_rms(self) -> np.ndarray:
+        """(M,) root of the mean squared residual of each marker, mm; NaN where it was never seen."""
+        seen = np.isfinite(self.residuals).sum(0)
+        squared = np.nansum(self.residuals**2, axis=0)
+        return np.sqrt(np.divide(squared, seen, out=np.full(len(seen), np.nan), where=seen > 0))

@@ -73,8 +73,10 @@ def bind(
     if method == "paper" and range_of_motion is None:
         raise InputError("The paper's binding needs a range-of-motion take; give one or use the method 'weighed'.")
     source = range_of_motion if range_of_motion is not None else take
-    given = _given_places(rig, source, correspondences, progress)
+    given = _given_places(rig, source, correspondences, neutral, progress)
     given, source, rest = _at_rest(given, source, neutral)
+    if range_of_motion is not None and method != "given":
+        _, source = stabilize(source, frame=neutral)
     progress("placing the markers on the skin")
     places = Places(rig, given.names, candidates(seamless(rig), given, radius, TRIANGLES))
     errors = np.array([])
@@ -93,11 +95,11 @@ def bind(
 
 
 def _given_places(
-    rig: Rig, take: MarkerTake, correspondences: Mapping[str, Any] | SurfacePoints | None, progress
+    rig: Rig, take: MarkerTake, correspondences: Mapping[str, Any] | SurfacePoints | None, neutral: int, progress
 ) -> SurfacePoints:
     if correspondences is None:
         progress("finding the markers' places on the face")
-        return find_places(rig, take)
+        return find_places(rig, take, frame=neutral)
     if isinstance(correspondences, SurfacePoints):
         take.select(correspondences.names)  # says which label is unknown
         return correspondences
@@ -109,7 +111,7 @@ def _given_places(
 
 
 def _at_rest(given: SurfacePoints, source: MarkerTake, neutral: int) -> tuple[SurfacePoints, MarkerTake, np.ndarray]:
-    """The places, the take without head motion and the neutral markers (M, 3), of the markers seen at rest."""
+    """The places, the take and the neutral (M, 3) of the markers seen at rest."""
     source = source.select(given.names)
     lost = source.missing.all(0)
     if lost.any():
@@ -123,5 +125,4 @@ def _at_rest(given: SurfacePoints, source: MarkerTake, neutral: int) -> tuple[Su
     names = [name for name, there in zip(source.names, seen, strict=True) if there]
     if len(names) < FEWEST:
         raise InputError(f"Only {len(names)} markers can be placed; a binding needs at least {FEWEST}.")
-    _, still = stabilize(source.select(names), frame=neutral)
-    return given.select(names), still, rest[seen]
+    return given.select(names), source.select(names), rest[seen]

@@ -51,12 +51,17 @@ class Placement:
     cost: float
 
 
-def find_places(rig: Rig, take: MarkerTake) -> SurfacePoints:
+def find_places(rig: Rig, take: MarkerTake, *, frame: int = 0) -> SurfacePoints:
     """Places on the rig for the markers of a take, without correspondences.
 
     Works on clouds of a whole face or a good part of it, in any position; expect 5 mm, and 10 mm on a face that
     differs much from the rig. A warning is logged where a different answer fits almost as well. Show the result to
     somebody before it is trusted.
+
+    Parameters
+    ----------
+    frame : int
+        First frame of the neutral (see `neutral_frame`).
 
     Returns
     -------
@@ -69,7 +74,7 @@ def find_places(rig: Rig, take: MarkerTake) -> SurfacePoints:
         If no marker is labeled, or the neutral sees fewer than eight.
     """
     take = drop_unlabeled(take)
-    neutral = neutral_frame(take)
+    neutral = neutral_frame(take, frame)
     skin = front_of(rig)
     found = lay_on(skin, neutral)
     if len(found) > 1 and (sureness := confidence(found)) < 0.1:

@@ -146,11 +146,20 @@ def _without_head(
         return None, take
     if settings.method == "live":
         if not settings.stable:
-            log.info("no stable markers are named, so the head's motion stays in the take")
+            if settings.head == "remove":
+                raise InputError("The live solve removes head motion by stable markers that you name; name at least 3.")
             return None, take
         head, still = stabilize_live(take, settings.stable, binding.to_take(rest))
     else:
-        head, still = stabilize(take, settings.stable or None, rest=binding.to_take(rest))
+        try:
+            head, still = stabilize(
+                take, settings.stable or None, rest=binding.to_take(rest), always=settings.head == "remove"
+            )
+        except InputError as error:
+            if settings.head == "remove" or settings.stable:
+                raise
+            log.info("Head motion, if there is any, stays in the take. %s", error)
+            return None, take
     moved = np.linalg.norm(still.positions - take.positions, axis=2)
     if settings.method != "live" and settings.head == "auto" and not np.nanmax(moved, initial=0.0) > HEAD_MOVES:
         return None, take

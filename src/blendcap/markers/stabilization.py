@@ -51,7 +51,12 @@ def find_stable(take: MarkerTake) -> tuple[str, ...]:
 
 
 def stabilize(
-    take: MarkerTake, stable: Sequence[str] | None = None, *, rest: np.ndarray | None = None, frame: int = 0
+    take: MarkerTake,
+    stable: Sequence[str] | None = None,
+    *,
+    rest: np.ndarray | None = None,
+    frame: int = 0,
+    always: bool = False,
 ) -> tuple[np.ndarray, MarkerTake]:
     """Take the rigid motion of the head out of a take.
 
@@ -69,6 +74,8 @@ def stabilize(
         All markers with the head at rest, mm; the take's own neutral if not given.
     frame : int
         First frame of that neutral (see `neutral_frame`).
+    always : bool
+        Take out what the stable markers say even if they hardly move like one body.
 
     Returns
     -------
@@ -90,7 +97,7 @@ def stabilize(
     head = np.tile(np.eye(4), (len(take.positions), 1, 1))
     back = np.swapaxes(rotations, 1, 2)
     positions = apply(take.positions - translations[:, None], back, np.zeros(3))
-    if _explained(part.positions - rest, apply(rest, rotations, translations) - part.positions) < _RIGID:
+    if not always and _explained(part.positions - rest, apply(rest, rotations, translations) - part.positions) < _RIGID:
         log.info("The stable markers do not move like one body; the take is left as it is.")
         return head, take
     head[:, :3, :3], head[:, :3, 3] = rotations, translations

@@ -32,15 +32,13 @@ def surface_distances(mesh_vertices, faces, sources, limit: float = np.inf) -> n
     return np.asarray(dijkstra(graph, directed=False, indices=np.asarray(sources, dtype=np.int64), limit=limit))
 
 
-def weld(faces, mesh_vertices, deltas) -> np.ndarray:
-    """Faces (F, 3) that use one vertex where a texture seam split it: the same place that always moves the same way.
+def sewn_vertices(mesh_vertices, deltas) -> np.ndarray:
+    """(V,) for each vertex the one that stands for it once texture seams are sewn: same place, same motion.
 
-    Lips that touch stay two: some shape parts them. Files such as glTF need this before anything is measured along
-    their surface.
+    Lips that touch stay two: some shape parts them.
 
     Parameters
     ----------
-    faces : (F, 3) int64
     mesh_vertices : (V, 3) float64
         mm.
     deltas : (N, V, 3) float32
@@ -53,7 +51,15 @@ def weld(faces, mesh_vertices, deltas) -> np.ndarray:
     _, first, same = np.unique(np.column_stack([place[twins], motion]), axis=0, return_index=True, return_inverse=True)
     merged = np.arange(len(place))
     merged[twins] = twins[first][same.ravel()]
-    return merged[np.asarray(faces)]
+    return merged
+
+
+def weld(faces, mesh_vertices, deltas) -> np.ndarray:
+    """Faces (F, 3) that use one vertex where a texture seam split it (see `sewn_vertices`).
+
+    Files such as glTF need this before anything is measured along their surface.
+    """
+    return sewn_vertices(mesh_vertices, deltas)[np.asarray(faces)]
 
 
 def surface_graph(mesh_vertices, faces) -> sparse.csr_matrix:

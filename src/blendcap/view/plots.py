@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from blendcap.data import Animation, Binding, InputError, Mesh, Rig, Solution
+from blendcap.data import Animation, Binding, InputError, Rig, Solution
+from blendcap.numerics.geodesic import sewn_vertices
 from blendcap.view.posing import weights_on
 from blendcap.view.style import BLUE, GREEN, GRID, INK, RED, SIX, new_figure, plain, styled, thinned
 
@@ -91,7 +92,7 @@ def plot_markers(rig: Rig, solution: Solution, frame: int | None = None) -> Figu
     if not 0 <= frame < count:
         raise InputError(f"There is no frame {frame} in the solution; it has {count} (0 to {count - 1}).")
     target, fitted = solution.targets[frame], solution.fitted[frame]
-    face = rig.pose(weights_on(rig, solution.animation)[frame])[_skin(rig.mesh)]
+    face = rig.pose(weights_on(rig, solution.animation)[frame])[_skin(rig)]
     sides = (("front", np.array([1, 1, 0]), 0), ("side", np.array([1, 1, -1]), 2))  # from the side it looks to the left
     spans = [_around(fitted[:, axis], room) for axis, room in ((0, 0.0), (2, 45.0), (1, 0.0))]
     ratios = [high - low for low, high in spans]
@@ -170,10 +171,9 @@ def plot_convergence(binding: Binding) -> Figure:
 
 def marker_errors(solution: Solution) -> tuple[np.ndarray, np.ndarray]:
     """Root mean square (M,) and 95th percentile (M,) of each marker's residual, mm; NaN where it was never seen."""
-    rms = np.full(len(solution.marker_names), np.nan)
+    rms = solution.marker_rms
     p95 = rms.copy()
     seen = np.isfinite(solution.residuals).any(0)
-    rms[seen] = np.sqrt(np.nanmean(solution.residuals[:, seen] ** 2, axis=0))
     p95[seen] = np.nanpercentile(solution.residuals[:, seen], 95, axis=0)
     return rms, p95
 
@@ -204,15 +204,16 @@ def _span(times: np.ndarray) -> tuple[float, float]:
     return float(times[0]), float(max(times[-1], times[0] + 1e-3))
 
 
-def _skin(mesh: Mesh) -> np.ndarray:
-    """The vertices of the largest piece of a mesh: not its eyes and teeth."""
+def _skin(rig: Rig) -> np.ndarray:
+    """The vertices of the largest piece of a rig: not its eyes and teeth."""
     from scipy import sparse
     from scipy.sparse.csgraph import connected_components
 
-    count = len(mesh.vertices)
-    edges = np.concatenate([mesh.faces[:, :2], mesh.faces[:, 1:]])
+    count = len(rig.mesh.vertices)
+    sewn = sewn_vertices(rig.mesh.vertices, rig.deltas)
+    edges = np.concatenate([sewn[rig.mesh.faces[:, :2]], sewn[rig.mesh.faces[:, 1:]]])
     graph = sparse.coo_matrix((np.ones(len(edges)), edges.T), shape=(count, count))
-    piece = connected_components(graph, directed=False)[1]
+    piece = connected_components(graph, directed=False)[1][sewn]
     return np.flatnonzero(piece == np.bincount(piece).argmax())
 
 

@@ -69,14 +69,14 @@ def write_report(
 
 
 def _summary(solution: Solution) -> str:
-    proof, rms = solution.certificate, solution.rms[np.isfinite(solution.rms)]
+    proof = solution.certificate
     residuals = solution.residuals[np.isfinite(solution.residuals)]
     per_marker, _ = plots.marker_errors(solution)
     known = np.isfinite(per_marker)
     worst = solution.marker_names[int(np.nanargmax(per_marker))] if known.any() else "none"
     return page.cards(
         [
-            ("marker RMS, mean over frames", _mm(rms.mean() if len(rms) else np.nan), ""),
+            ("marker RMS over all frames", _mm(solution.rms_mm), ""),
             (
                 "95 % of the markers are closer than",
                 _mm(np.percentile(residuals, 95) if len(residuals) else np.nan),
