@@ -1,5 +1,6 @@
 """Shading: what light must and must not do, and that pictures stay the same."""
 
+import time
 from itertools import pairwise
 
 import numpy as np
@@ -9,6 +10,7 @@ from blendcap.data import Camera, InputError, Mesh, Rig, triangulate
 from blendcap.rendering import Light, default_colors, face_camera, prepare, project, rasterize, render, vertex_normals
 from blendcap.rendering.color import LINEAR, PIXELS, STEPS, to_linear, to_srgb
 from blendcap.rendering.light import openness
+from blendcap.rendering.parallel import each_ahead
 
 WHITE = (1.0, 1.0, 1.0)
 BLACK = (0.0, 0.0, 0.0)
@@ -174,6 +176,28 @@ def test_a_picture_is_the_same_every_time_and_from_a_prepared_surface():
     pictures = [render(mesh, camera, size), prepare(mesh).picture(camera, size), render(mesh, camera, size)]
     for other in pictures[1:]:
         np.testing.assert_array_equal(pictures[0], other)
+
+
+def test_a_posed_surface_is_that_of_the_posed_mesh_and_takes_a_given_openness():
+    mesh, size = globe(), (90, 70)
+    moved = mesh.vertices * [1.1, 0.8, 1.0]
+    camera, surface = face_camera(moved, size, 0.4), prepare(mesh)
+    posed = surface.posed(moved)
+    np.testing.assert_array_equal(posed.picture(camera, size), render(mesh.with_vertices(moved), camera, size))
+    np.testing.assert_array_equal(surface.posed(moved, posed.sky).table, posed.table)
+    dim = surface.posed(moved, 0.5 * posed.sky).picture(camera, size)
+    assert (dim[35, 45] + 8 < posed.picture(camera, size)[35, 45]).all()
+
+
+def test_work_done_ahead_comes_in_order_and_its_errors_come_through():
+    def work(n):
+        time.sleep(0.01 * (n % 3))
+        return 1 // (7 - n)
+
+    with pytest.raises(ZeroDivisionError):
+        list(each_ahead(work, range(9)))
+    assert list(each_ahead(lambda n: (time.sleep(0.01 * (-n % 3)), n)[1], range(8))) == list(range(8))
+    assert list(each_ahead(work, [])) == []
 
 
 def test_default_colors_know_parts_by_name():

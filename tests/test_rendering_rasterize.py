@@ -91,6 +91,24 @@ def test_agrees_with_ray_casting():
     np.testing.assert_allclose(depths, depth[seen], rtol=1e-12)
 
 
+def test_backs_are_hidden_by_fronts_and_by_nothing_else():
+    # a cloud of small triangles in front of, in and behind a wall: the whole is the nearer of fronts and backs alone
+    rng = np.random.default_rng(11)
+    middle = np.concatenate([rng.uniform(-90, 90, (3000, 2)), rng.uniform(-40, 40, (3000, 1))], axis=1)
+    cloud = (middle[:, None] + 8 * rng.normal(size=(3000, 3, 3))).reshape(-1, 3)
+    wall = np.array([[-95.0, -90, 0], [70, -90, 0], [70, 90, 0], [-95, 90, 0]])
+    vertices = np.concatenate([cloud, wall])
+    faces = np.concatenate([np.arange(9000).reshape(-1, 3), [[9000, 9001, 9002], [9000, 9002, 9003]]])
+    camera, size = face_camera(vertices, (150, 170), 0.2), (150, 170)
+    pixels = project(vertices, camera)[0][faces]
+    one, two = (pixels[:, k] - pixels[:, 0] for k in (1, 2))
+    front = one[:, 0] * two[:, 1] < one[:, 1] * two[:, 0]
+    assert front[-2:].all() and 1000 < front.sum() < 2000
+    both, fronts, backs = (rasterize(vertices, faces[some], camera, size).depth for some in (..., front, ~front))
+    np.testing.assert_array_equal(both, np.minimum(fronts, backs))
+    assert ((backs < fronts).sum() > 1000) and ((fronts < backs).sum() > 1000)
+
+
 def test_triangles_through_the_camera_need_no_clipping():
     rng = np.random.default_rng(5)
     vertices = rng.normal(size=(45, 3)) * 30

@@ -10,7 +10,7 @@ from blendcap.data import Animation, InputError, Mesh, Rig, SurfacePoints, trian
 from blendcap.rendering import project
 from blendcap.view import marker_heat, vertex_error, write_contact_sheet, write_heatmap, write_preview, write_still
 from blendcap.view.heatmap import SCALE, heat_colors, heatmap
-from blendcap.view.image import png, write_image
+from blendcap.view.image import draw_text, png, write_image
 from blendcap.view.posing import framed_vertices, side_by_side, weights_on
 from blendcap.view.sheet import contact_sheet
 from blendcap.view.still import still
@@ -181,6 +181,46 @@ def test_marker_heat_does_not_cross_a_slit(rig):
     assert both[above] == pytest.approx(2, abs=0.05) and both[below] == pytest.approx(1, abs=0.05)
     assert np.nanmin(both) >= 1 - 1e-9 and np.nanmax(both) <= 2 + 1e-9
     assert np.isnan(marker_heat(rig, points, np.full(2, np.nan))[0]).all()
+
+
+def test_marker_heat_crosses_a_seam_of_the_texture(rig):
+    # the right half gets vertices of its own along the middle, at the same places and with the same motion
+    vertices, faces = rig.mesh.vertices, rig.mesh.faces.copy()
+    seam = np.flatnonzero(vertices[:, 0] == 0)
+    own = np.arange(len(vertices))
+    own[seam] = len(vertices) + np.arange(len(seam))
+    right = vertices[faces, 0].mean(1) > 0
+    faces[right] = own[faces[right]]
+    deltas = np.concatenate([rig.deltas, rig.deltas[:, seam]], axis=1)
+    split = Rig(Mesh(np.concatenate([vertices, vertices[seam]]), faces), deltas, rig.names)
+    marked = [int(np.argmin(np.linalg.norm(vertices - [x, 30, 40], axis=1))) for x in (-12, 24)]
+    errors = np.array([2.0, 0.5])
+    whole, halves = (
+        marker_heat(one, SurfacePoints.at_vertices(("a", "b"), marked, one.mesh), errors) for one in (rig, split)
+    )
+    for expected, found in zip(whole, halves, strict=True):
+        np.testing.assert_allclose(found, np.concatenate([expected, expected[seam]]))
+
+
+def test_openness_between_key_frames_is_that_of_the_frame_to_the_eye(rig, tmp_path):
+    sway = Animation(0.5 - 0.5 * np.cos(np.arange(31) / 5)[:, None], ("jawOpen",), 60.0)
+    write_preview(tmp_path / "face.png", rig, sway, size=(160, 160), yaws=(0.0,))
+    for t in (0, 4, 6, 15, 29, 30):
+        film = cv2.imread(str(tmp_path / f"face.{t:04d}.png"))[:140, :, ::-1].astype(int)
+        exact = still(rig, weights_on(rig, sway)[t], size=(160, 160), yaws=(0.0,))[:140]
+        apart = np.abs(film - exact)
+        assert apart.max() <= (0 if t % 6 == 0 else 12) and apart.mean() < 0.3
+
+
+def test_text_beyond_the_border_is_cut_off():
+    blank = np.full((30, 60, 3), 200, dtype=np.uint8)
+    whole, cut, outside = (np.pad(blank, [(30, 30), (60, 60), (0, 0)], "edge"), blank.copy(), blank.copy())
+    draw_text(whole, "blendcap", (90, 40), height=16)
+    draw_text(cut, "blendcap", (30, 10), height=16)
+    draw_text(outside, "blendcap", (70, 10), height=16)
+    draw_text(outside, "", (10, 10), height=16)
+    np.testing.assert_array_equal(cut, whole[30:60, 60:120])
+    assert (cut < 100).any() and (outside == 200).all()
 
 
 def test_heatmap_shows_the_error_where_it_is(rig, tmp_path):

@@ -29,7 +29,7 @@ def resolve(rig: Rig, correspondences: Mapping[str, Any], labels: Sequence[str] 
         If the table is empty, names an unknown marker, or a place is not on the rig.
     """
     if not correspondences:
-        raise InputError("The correspondences are empty; give at least three markers a place on the rig.")
+        raise InputError("The correspondences are empty; give at least four markers a place on the rig.")
     if labels is not None:
         unknown = [label for label in correspondences if label not in labels]
         if unknown:

@@ -11,14 +11,12 @@ import numpy as np
 from blendcap.data import Certificate
 from blendcap.numerics.boxseq import solve_box_sequence
 from blendcap.solving.noise import HELD, weight_errors
-from blendcap.solving.prior import TakePrior, learn_prior, step_weights, symmetric_prior
+from blendcap.solving.prior import HELMET_RIDGE, HELMET_STEP, TakePrior, learn_prior, step_weights, symmetric_prior
 from blendcap.solving.rows import MarkerRows
 
 log = logging.getLogger(__name__)
 
 START_NOISE = 0.3  # mm: assumed before the residuals are seen
-HELMET_RIDGE = 1e-4  # mm²: keeps the helmet's unknowns unique where too few markers are seen
-HELMET_STEP = 0.006  # standard deviation of the helmet's step at 60 frames a second, of 10 mm and of 0.1 rad
 
 
 @dataclass(frozen=True, eq=False)

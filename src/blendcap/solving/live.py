@@ -10,7 +10,7 @@ from numba import get_num_threads, set_num_threads
 
 from blendcap.data import Certificate
 from blendcap.numerics.boxls import solve_box
-from blendcap.solving.prior import PSEUDO_FRAMES, STEP_FLOOR, TakePrior, symmetric_prior
+from blendcap.solving.prior import HELMET_RIDGE, HELMET_STEP, PSEUDO_FRAMES, STEP_FLOOR, TakePrior, symmetric_prior
 from blendcap.solving.rows import MarkerRows
 
 REFRESH = 30  # frames between two re-estimates of the prior
@@ -42,7 +42,7 @@ class LiveSolver:
         self, rows: MarkerRows, mirror: np.ndarray, rate: float, noise: float, *,
         symmetry: float = 0.97, smoothness: float = 1.0,
     ):  # fmt: skip
-        self.rows, self.noise, self.smoothness = rows, noise, smoothness
+        self.rows, self.rate, self.noise, self.smoothness = rows, rate, noise, smoothness
         self.start = self.prior = symmetric_prior(mirror, symmetry, rate)
         self.step_floor = STEP_FLOOR**2 * 60 / rate
         self.last: np.ndarray | None = None
@@ -54,9 +54,9 @@ class LiveSolver:
     def _refresh(self) -> None:
         """Quadratic terms that stay the same until the prior is learned anew."""
         count, size = self.rows.shapes, len(self.rows.lower)
-        self.quadratic = self.rows.gram + 1e-4 * np.eye(size)
+        self.quadratic = self.rows.gram + HELMET_RIDGE * np.eye(size)
         self.quadratic[:count, :count] += self.noise**2 * np.linalg.inv(self.prior.covariance)
-        walk = np.r_[self.prior.steps, np.full(size - count, self.step_floor * 100)]
+        walk = np.r_[self.prior.steps, np.full(size - count, HELMET_STEP**2 * 60 / self.rate)]
         posterior = np.diag(walk)
         for _ in range(RICCATI_STEPS):
             predicted = np.linalg.inv(posterior + np.diag(walk))

@@ -15,7 +15,8 @@ def solve_paper(
 ) -> tuple[np.ndarray, dict[str, np.ndarray], Certificate]:
     """Minimise `|B0 + B a - T|² + beta |a|_1 + a' Gamma a` over `0 <= a <= 1` in every frame (Eq. 3).
 
-    The helmet's dummy shapes are charged as the shapes are, as in the thesis (4.1.6).
+    Unsigned helmet columns (the thesis' dummy shapes, 4.1.6) are charged by beta as the shapes are; signed ones, which
+    the papers do not have, by gamma alone.
 
     Parameters
     ----------

@@ -99,13 +99,6 @@ def marker_heat(rig: Rig, points: SurfacePoints, errors: np.ndarray) -> tuple[np
     return spread, fade**2 * (3 - 2 * fade)
 
 
-def _twins(faces: np.ndarray, welded: np.ndarray, count: int) -> np.ndarray:
-    """For each vertex (V,) the one that stands for it in the welded faces."""
-    twins = np.arange(count)
-    twins[faces.ravel()] = welded.ravel()
-    return twins
-
-
 def vertex_error(answer: Animation, truth: Animation, rig: Rig) -> np.ndarray:
     """Root mean square distance over time (V,), mm, of each vertex under two animations of the same length.
 

@@ -15,7 +15,7 @@ from blendcap.view.image import draw_dots, draw_lines, draw_text
 from blendcap.view.posing import VIEWS, side_by_side, weights_on
 from blendcap.view.video import write_video
 
-SKY_RATE = 15.0  # openness to the sky is computed as often a second; it changes slowly and is blended between
+SKY_RATE = 10.0  # openness to the sky is computed as often a second; it changes slowly and is blended between
 TARGET, FITTED, LINE = (214, 48, 49), (30, 96, 196), (70, 70, 78)
 
 
