@@ -11,7 +11,8 @@ from typing import TypeVar
 
 AHEAD = 2  # pictures in the making while one is written
 
-Item, Answer = TypeVar("Item"), TypeVar("Answer")
+Item = TypeVar("Item")
+Answer = TypeVar("Answer")
 
 
 def each_band(count: int, size: int, work: Callable[[int, int], None]) -> None:

@@ -187,7 +187,7 @@ def _cover(triangle, f, left, right, top, bottom, start, face, nearness):
                 break
 
 
-@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy", forceinline=True)
 def _farthest(nearness, tiles):
     """Write the farthest of each tile of pixels, the least `nearness`."""
     height, width = nearness.shape

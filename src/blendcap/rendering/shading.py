@@ -180,7 +180,8 @@ def light(point, normal, color, sky, back, scene, shadow):
         blue += strength * max(facing + WRAP[2], 0.0) / (1 + WRAP[2])
         if facing > 0:
             towards = max(2 + 2 * (lx * vx + ly * vy + lz * vz), 1e-24)  # squared length of light plus view
-            shine += strength * _highlight((facing + nx * vx + ny * vy + nz * vz) / np.sqrt(towards))
+            grazing = min(4 * facing, 1.0)  # a highlight fades where the light sinks, or its end would be a line
+            shine += strength * grazing * _highlight((facing + nx * vx + ny * vy + nz * vz) / np.sqrt(towards))
     shine *= scene[GLOSS]
     paint = INSIDE if back else 1.0
     return (
