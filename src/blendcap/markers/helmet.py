@@ -16,7 +16,8 @@ def paper_columns(positions: np.ndarray) -> np.ndarray:
 
     Order: +x, -x, +y, -y, +z, -z by 10 mm, then the same for rotations. A rotation shape is what 90 degrees add to the
     neutral, linearized: `axis × position`, which makes its weight the sine of the angle, as the thesis has it. (The
-    straight line to the rotated shape, Eq. 36 by the letter, would also shrink the face toward the axis.)
+    straight line to the rotated shape, Eq. 36 by the letter, would also shrink the face toward the axis; the matrix of
+    Eq. 37, by the letter, would also stretch it along the axis.)
 
     Parameters
     ----------

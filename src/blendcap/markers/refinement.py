@@ -158,6 +158,9 @@ def algorithm_4(
 ) -> tuple[SurfacePoints, Alignment, np.ndarray]:
     """The papers' barycentric optimization (2016, section 6; thesis, Algorithm 4).
 
+    Two things that the papers leave open: the alignment is fitted anew to the places of each pass, and the passes end
+    when the mean of the marker errors has settled.
+
     Returns the points, the alignment and the mean marker error after every pass, mm.
     """
     rig, errors = places.rig, []

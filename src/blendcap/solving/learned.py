@@ -89,13 +89,23 @@ def solve_learned(
         weights = unknowns[:, : rows.shapes]
         prior, freedom = learn_prior(start, weights, rows.mean_gram, prior, precision, noise, rate)
         noise = max(least, _unexplained(rows, unknowns, freedom))
-        prior = prior.holding(weight_errors(rows, noise) > HELD)
+        prior = prior.holding(_untold(rows, np.sqrt(noise**2 - least**2), mirror))
         factors = step_weights(weights, prior, mirror, quick)
         if relinearize is not None and k == passes - 2:
             rows = rows.with_targets(relinearize(unknowns))
     assert unknowns is not None  # there is at least one pass
     energies = _energies(rows, unknowns, precision, coupling)
     return LearnedAnswer(rows, unknowns, energies, certificate, prior, noise)
+
+
+def _untold(rows: MarkerRows, model_error: float, mirror: np.ndarray) -> np.ndarray:
+    """(N,) bool: shapes that what the rig cannot explain would drive more than the markers do.
+
+    White noise averages out and the prior knows how to weigh it; motion that the rig lacks does not, and would be put
+    into any shape that the markers hardly see. A shape whose partner is seen follows its partner.
+    """
+    errors = weight_errors(rows, model_error)
+    return np.minimum(errors, errors[mirror]) > HELD
 
 
 def _unexplained(rows: MarkerRows, unknowns: np.ndarray, freedom: float) -> float:

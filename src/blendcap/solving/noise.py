@@ -10,7 +10,7 @@ from blendcap.solving.rows import MarkerRows
 _FOURTH = np.sqrt(70.0)
 _MAD = 1.4826  # median absolute deviation to standard deviation, for a Gaussian
 VISIBLE = 0.2  # a weight known no better than this is called unseen
-HELD = 0.3  # a weight known no better than this is held at rest: the markers would add less than the prior knows
+HELD = 0.3  # a weight that the rig's own error leaves no better known than this is held at rest
 
 
 def marker_noise(positions: np.ndarray) -> float:

@@ -92,7 +92,7 @@ def learn_prior(
     frames, count = weights.shape
     open_pose, open_step, freedom = _posterior(gram, precision, current.steps, noise**2)
     # A weight that rests on its bound is known: only the frames in which it is free leave it open.
-    free = (weights > 1e-6).mean(0)
+    free = (np.abs(weights) > 1e-6).mean(0)
     moment = weights.T @ weights / frames + np.sqrt(free)[:, None] * open_pose * np.sqrt(free)
     covariance = (frames * moment + PSEUDO_FRAMES * start.covariance) / (frames + PSEUDO_FRAMES)
     covariance[np.diag_indices(count)] += DEVIATION_FLOOR**2

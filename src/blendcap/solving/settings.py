@@ -10,6 +10,7 @@ from blendcap.data import InputError
 
 METHODS = ("learned", "paper", "live")
 HELMETS = ("rigid", "paper", "none")
+MOST_SMOOTH = 1e6
 HEADS = ("auto", "remove", "keep")
 
 
@@ -85,8 +86,12 @@ class SolveSettings:
             )
         if not 0 <= self.symmetry <= 0.99:
             raise InputError(f"The symmetry must lie between 0 and 0.99, but is {self.symmetry!r}.")
-        if self.passes < 1:
-            raise InputError(f"A solve needs at least one pass, but passes is {self.passes!r}.")
+        if not (isinstance(self.passes, int) and self.passes >= 1):
+            raise InputError(f"A solve needs a whole number of passes, at least one, but passes is {self.passes!r}.")
+        if self.smoothness > MOST_SMOOTH:
+            raise InputError(
+                f"The smoothness {self.smoothness:g} is out of range; above {MOST_SMOOTH:g} nothing moves."
+            )
 
     def as_text(self) -> dict[str, str]:
         """The settings as names and texts, for a report."""
