@@ -13,7 +13,7 @@ true = np.clip(rng.normal(size=(1000, 53)), 0, 1)  # many at 0, some at 1
 observed = true @ basis.T + 0.05 * rng.normal(size=(1000, 150))
 
 gram, linear = basis.T @ basis, -observed @ basis
-solve_box(gram, linear[:1])  # compile once; later runs load the compiled code
+solve_box(gram, linear)  # compiles the first time; later runs load the compiled code
 start = time.perf_counter()
 weights, certificate = solve_box(gram, linear)
 seconds = time.perf_counter() - start
