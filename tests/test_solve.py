@@ -345,3 +345,13 @@ def test_extra_markers_are_ignored(typical, solved):
     assert np.array_equal(typical.solve(more).animation.weights, solved["learned"].animation.weights)
     assert solved["learned"].marker_names == typical.take.names
     assert isinstance(solved["learned"].animation, Animation)
+
+
+def test_a_rig_without_room_to_move_is_refused():
+    with pytest.raises(InputError, match="no shapes"):
+        blendcap.solve(replace(small_rig().select([]), combinations={}), None, None)  # pyright: ignore
+    rig = small_rig()
+    bounds = rig.bounds.copy()
+    bounds[3] = 0
+    with pytest.raises(InputError, match=f"shape '{rig.names[3]}' leave it one value"):
+        blendcap.solve(replace(rig, bounds=bounds), None, None)  # pyright: ignore

@@ -81,9 +81,10 @@ def solve(
     Raises
     ------
     InputError
-        If a bound marker is not in the take or missing in every frame.
+        If a bound marker is not in the take or missing in every frame, or the rig has no shape that can move.
     """
     settings = settings or SolveSettings()
+    _check(rig)
     clock = _Clock(progress)
     clock.begin("cleaning")
     cleaned = _cleaned(take, binding, settings)
@@ -120,6 +121,15 @@ def solve(
         settings={**settings.as_text(), "noise (mm)": f"{noise:.3f}"},
         seconds=clock.seconds,
     )
+
+
+def _check(rig: Rig) -> None:
+    if not rig.names:
+        raise InputError(f"The rig {rig.name!r} has no shapes, so there is nothing to solve for; read one with shapes.")
+    locked = rig.bounds[:, 0] >= rig.bounds[:, 1]
+    if locked.any():
+        name = rig.names[int(locked.argmax())]
+        raise InputError(f"The bounds of the shape {name!r} leave it one value; widen them, or drop it by Rig.select.")
 
 
 def _cleaned(take: MarkerTake, binding: Binding, settings: SolveSettings) -> MarkerTake:
