@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from blendcap.data.checks import ANY, array
 from blendcap.data.errors import InputError
-from blendcap.numerics._gradient import worst_residuals
+from blendcap.numerics._gradient import worst_apart, worst_residuals
 
 MAX_UNKNOWNS = 320
 FLOOR = 1e-12  # of the largest diagonal element: the least curvature that an unknown is given
@@ -97,15 +97,18 @@ def residuals(problem: BoxProblem, weights: np.ndarray, coupling: np.ndarray | N
     It is infinite where there is no answer, and formed anew from the weights, so it does not trust the solver.
     `diag H` is the curvature of the whole problem along each unknown: `diag(gram) + diagonal`, and the couplings.
     """
-    links = np.zeros((0, weights.shape[1])) if coupling is None else coupling
     worst = np.empty(len(weights))
+    if coupling is None and not problem.missing.shape[1]:
+        worst_apart(problem.arrays(), problem.curvature, weights, worst, blocks(len(weights)))
+        return worst
+    links = np.zeros((0, weights.shape[1])) if coupling is None else coupling
     worst_residuals(problem.arrays(), links, problem.curvature, weights, worst, blocks(len(weights)))
     return worst
 
 
-def blocks(frames: int) -> int:
-    """How many runs of frames the threads share; it does not depend on their number."""
-    return max(1, min(BLOCKS, frames))
+def blocks(frames: int, least: int = 1) -> int:
+    """How many runs of at least so many frames the threads share; it does not depend on their number."""
+    return max(1, min(BLOCKS, frames // least))
 
 
 def accuracy(weights: np.ndarray) -> float:

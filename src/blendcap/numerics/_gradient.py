@@ -6,6 +6,8 @@ import numpy as np
 from numba import njit, prange
 
 from blendcap.numerics._cholesky import FAST
+from blendcap.numerics._lanes import WIDTH, fill, load, some, spread, store, where_less
+from blendcap.numerics._products import add_products, aligned, panels
 
 
 @njit(parallel=True, error_model="numpy", cache=True)
@@ -42,6 +44,56 @@ def worst_residuals(box, coupling, curvature, x, worst, blocks):
                 largest = max(largest, abs(step))
                 total += h[i] + a  # maxima hide a NaN, sums do not
             worst[t] = largest if np.isfinite(total) else np.inf
+
+
+@njit(parallel=True, error_model="numpy", cache=True)
+def worst_apart(box, curvature, x, worst, blocks):
+    """`worst_residuals` of frames that do not touch and see all markers, eight at once."""
+    frames, width = len(x), box[0].shape[1]
+    columns = panels(box[0])
+    for b in prange(blocks):
+        vectors = aligned(WIDTH * width), aligned(WIDTH * width), aligned(WIDTH * width), np.zeros(width, np.int64)
+        result = aligned(WIDTH)
+        end = (b + 1) * frames // blocks
+        for first in range(b * frames // blocks, end, WIDTH):
+            worst_eight(box, columns, curvature, x, first, end, vectors, result)
+            for k in range(min(WIDTH, end - first)):
+                worst[first + k] = result[k] if np.isfinite(result[k]) else np.inf
+
+
+@njit(error_model="numpy", cache=True)
+def worst_eight(box, columns, curvature, x, first, end, vectors, result):
+    """The residuals of eight frames; not finite where a number of theirs is not."""
+    gram, linear, diagonal, lower, upper, _, _ = box
+    a, h, d, used = vectors
+    m = lower.size
+    for k in range(WIDTH):
+        t = min(first + k, end - 1)
+        y, f, e = x[t], linear[t], diagonal[t if len(diagonal) > 1 else 0]
+        for i in range(m):
+            o = WIDTH * i + k
+            a[o] = y[i]
+            d[o] = e[i]
+            h[o] = f[i] + e[i] * y[i]
+    n = 0
+    for i in range(m):
+        used[n] = i
+        n += some(load(a, WIDTH * i))
+    add_products(columns, used[:n], a, h)
+    flat, row = gram.ravel(), gram.shape[1] + 1
+    zero = fill(0.0)
+    largest, total = zero, zero
+    for i in range(m):
+        value, slope, bent = load(a, WIDTH * i), load(h, WIDTH * i), spread(flat, i * row) + load(d, WIDTH * i)
+        least = spread(curvature, i)
+        moved = value - slope / where_less(bent, least, least, bent)
+        low, high = spread(lower, i), spread(upper, i)
+        moved = where_less(moved, low, low, moved)
+        step = value - where_less(high, moved, high, moved)
+        step = where_less(step, zero, zero - step, step)
+        largest = where_less(largest, step, step, largest)
+        total = total + slope + value
+    store(result, 0, largest + (total - total))  # maxima hide a NaN, sums do not
 
 
 @njit(fastmath=FAST, error_model="numpy", cache=True)

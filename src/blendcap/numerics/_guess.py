@@ -5,70 +5,116 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
-from blendcap.numerics._cholesky import FAST, STRIDE
+from blendcap.numerics._lanes import WIDE, fill, load, spread, store, where_less
 
-STEPS = 6
-PENALTY = 2.5
-RELAXATION = np.float32(1.8)
-
-
-@njit(fastmath=FAST, error_model="numpy", cache=True)
-def multiply(w, matrix, v, n, width):
-    """v = w matrix for four frames at once, tiled like `factor`; no BLAS, whose own threads would meet prange's."""
-    S = STRIDE
-    v[:] = 0
-    for p in range(0, n, 4):
-        b = matrix[p * S : (p + 3) * S + width]
-        c00, c01, c02, c03 = w[p], w[p + 1], w[p + 2], w[p + 3]
-        c10, c11, c12, c13 = w[S + p], w[S + p + 1], w[S + p + 2], w[S + p + 3]
-        c20, c21, c22, c23 = w[2 * S + p], w[2 * S + p + 1], w[2 * S + p + 2], w[2 * S + p + 3]
-        c30, c31, c32, c33 = w[3 * S + p], w[3 * S + p + 1], w[3 * S + p + 2], w[3 * S + p + 3]
-        for j in range(width):
-            b0, b1, b2, b3 = b[j], b[S + j], b[2 * S + j], b[3 * S + j]
-            v[j] += c00 * b0 + c01 * b1 + c02 * b2 + c03 * b3
-            v[S + j] += c10 * b0 + c11 * b1 + c12 * b2 + c13 * b3
-            v[2 * S + j] += c20 * b0 + c21 * b1 + c22 * b2 + c23 * b3
-            v[3 * S + j] += c30 * b0 + c31 * b1 + c32 * b2 + c33 * b3
+STEPS = 14
+MANY = 256  # frames that a run should have at least, to fill the lanes
+PENALTY, POWER = 1.2, 0.8
+RELAXATION = np.float32(1.9)
+LESS = np.float32(1) - RELAXATION
 
 
-@njit(parallel=True, fastmath=FAST, error_model="numpy", cache=True)
-def guess_all(unbound, matrix, single, states, blocks):
-    """Over-relaxed ADMM, four frames at a time."""
-    penalty, slack, lower, upper = single
-    frames, m = unbound.shape
-    one, relax = np.float32(1), RELAXATION
-    width = (m + 15) & -16
+@njit(error_model="numpy", cache=True)
+def aligned_singles(count):
+    """Zeros that begin at a cache line, so that no vector lies across two."""
+    memory = np.zeros(count + 16, np.float32)
+    first = (-memory.ctypes.data // 4) % 16
+    return memory[first : first + count]
+
+
+@njit(parallel=True, error_model="numpy", cache=True)
+def guess_all(unbound, matrix, single, states, steps, blocks):
+    """Over-relaxed ADMM, sixteen frames at a time."""
+    frames = len(unbound)
+    size = WIDE * 8 * len(matrix)
     for b in prange(blocks):
-        x, u, v = np.zeros(4 * STRIDE, np.float32), np.zeros(4 * STRIDE, np.float32), np.zeros(4 * STRIDE, np.float32)
-        w, c, r = np.zeros_like(x), np.zeros_like(x), np.zeros_like(x)
+        c, r, x, u = aligned_singles(size), aligned_singles(size), aligned_singles(size), aligned_singles(size)
+        w, v = aligned_singles(size), aligned_singles(size)
         end = (b + 1) * frames // blocks
-        for first in range(b * frames // blocks, end, 4):
-            for k in range(4):
-                t = min(first + k, end - 1)
-                for i in range(m):
-                    j = k * STRIDE + i
-                    c[j] = unbound[t, i]
-                    r[j] = penalty[i] + slack[t if len(slack) > 1 else 0, i]
-                    x[j] = min(upper[i], max(lower[i], -c[j]))
-                    u[j] = 0
-                    w[j] = r[j] * x[j]
-            for _ in range(STEPS):
-                multiply(w, matrix, v, (m + 3) & -4, width)
-                for k in range(4):
-                    o = k * STRIDE
-                    cc, xx, uu, vv, ww, rr = (
-                        c[o : o + m], x[o : o + m], u[o : o + m], v[o : o + m], w[o : o + m], r[o : o + m],
-                    )  # fmt: skip
-                    for i in range(m):
-                        h = relax * (vv[i] - cc[i]) + (one - relax) * xx[i] + uu[i]
-                        z = min(upper[i], max(lower[i], h))
-                        xx[i] = z
-                        uu[i] = h - z
-                        ww[i] = rr[i] * (z + z - h)
-            for k in range(min(4, end - first)):
-                for i in range(m):
-                    z = x[k * STRIDE + i]
-                    states[first + k, i] = np.int8(z > lower[i]) + np.int8(z >= upper[i])
+        for first in range(b * frames // blocks, end, WIDE):
+            begin(unbound, single, first, end, (c, r, x, u, w))
+            for _ in range(steps // 2):
+                step(matrix, single, (c, r, x, u), w, v)
+                step(matrix, single, (c, r, x, u), v, w)
+            finish(single, x, states, first, min(first + WIDE, end))
+
+
+@njit(error_model="numpy", cache=True)
+def begin(unbound, single, first, end, vectors):
+    """Bring sixteen frames into the lanes; begin with the unbound answer, clipped."""
+    penalty, slack, lower, upper = single
+    c, r, x, u, w = vectors
+    m = unbound.shape[1]
+    for k in range(WIDE):
+        t = min(first + k, end - 1)
+        f, e = unbound[t], slack[t if len(slack) > 1 else 0]
+        for i in range(m):
+            c[WIDE * i + k] = f[i]
+            r[WIDE * i + k] = penalty[i] + e[i]
+    for i in range(m):
+        o = WIDE * i
+        value = fill(np.float32(0)) - load(c, o)
+        value = clip(value, spread(lower, i), spread(upper, i))
+        store(x, o, value)
+        store(u, o, fill(np.float32(0)))
+        store(w, o, load(r, o) * value)
+
+
+@njit(error_model="numpy", inline="always")
+def clip(value, low, high):
+    value = where_less(value, low, low, value)
+    return where_less(high, value, high, value)
+
+
+@njit(error_model="numpy", cache=True)
+def step(matrix, single, vectors, w, v):
+    """One step of all unknowns, eight at a time: from w to the v of the next step."""
+    _, _, lower, upper = single
+    passes, m, _ = matrix.shape
+    flat = matrix.ravel()
+    zero = fill(np.float32(0))
+    for i in range(0, 8 * passes, 8):
+        s0, s1, s2, s3, s4, s5, s6, s7 = zero, zero, zero, zero, zero, zero, zero, zero
+        for j in range(m):
+            p, o = load(w, WIDE * j), m * i + 8 * j
+            s0, s1, s2, s3 = (
+                s0 + spread(flat, o) * p, s1 + spread(flat, o + 1) * p,
+                s2 + spread(flat, o + 2) * p, s3 + spread(flat, o + 3) * p,
+            )  # fmt: skip
+            s4, s5, s6, s7 = (
+                s4 + spread(flat, o + 4) * p, s5 + spread(flat, o + 5) * p,
+                s6 + spread(flat, o + 6) * p, s7 + spread(flat, o + 7) * p,
+            )  # fmt: skip
+        relax(vectors, lower, upper, i, s0, v)
+        relax(vectors, lower, upper, i + 1, s1, v)
+        relax(vectors, lower, upper, i + 2, s2, v)
+        relax(vectors, lower, upper, i + 3, s3, v)
+        relax(vectors, lower, upper, i + 4, s4, v)
+        relax(vectors, lower, upper, i + 5, s5, v)
+        relax(vectors, lower, upper, i + 6, s6, v)
+        relax(vectors, lower, upper, i + 7, s7, v)
+
+
+@njit(error_model="numpy", inline="always")
+def relax(vectors, lower, upper, i, product, v):
+    """Over-relax and clip one unknown."""
+    c, r, x, u = vectors
+    o = WIDE * i
+    h = fill(RELAXATION) * (product - load(c, o)) + fill(LESS) * load(x, o) + load(u, o)
+    z = clip(h, spread(lower, i), spread(upper, i))
+    store(x, o, z)
+    store(u, o, h - z)
+    store(v, o, load(r, o) * (z + z - h))
+
+
+@njit(error_model="numpy", cache=True)
+def finish(single, x, states, first, last):
+    """The states of the frames from first to last."""
+    _, _, lower, upper = single
+    for k in range(last - first):
+        for i in range(states.shape[1]):
+            z = x[WIDE * i + k]
+            states[first + k, i] = np.int8(z > lower[i]) + np.int8(z >= upper[i])
 
 
 def guess_states(gram, diagonal, linear, lower, upper, blocks):
@@ -81,11 +127,13 @@ def guess_states(gram, diagonal, linear, lower, upper, blocks):
     m = len(lower)
     top = diagonal.max(0)
     shared = gram + np.diag(top + 1e-10)  # a singular matrix must not stop a guess
-    penalty = PENALTY / np.diag(np.linalg.inv(shared))
+    penalty = PENALTY / np.diag(np.linalg.inv(shared)) ** POWER
     inverse = np.linalg.inv(shared + np.diag(penalty))
-    matrix = np.zeros((m + 8, STRIDE), np.float32)
-    matrix[:m, :m] = inverse
+    width = (m + 7) & -8
+    matrix = aligned_singles(width * m).reshape(width // 8, m, 8)  # what a pass of `step` reads lies together
+    matrix[:] = np.pad(inverse, ((0, 0), (0, width - m))).reshape(m, width // 8, 8).swapaxes(0, 1)
     states = np.empty(linear.shape, np.int8)
-    single = tuple(np.asarray(v, np.float32) for v in (penalty, top - diagonal, lower, upper))
-    guess_all(linear @ inverse, matrix.ravel(), single, states, blocks)  # in double: linear is large and cancels
+    bounds = (np.pad(v, (0, width - m)) for v in (lower, upper))
+    single = tuple(np.asarray(v, np.float32) for v in (penalty, top - diagonal, *bounds))
+    guess_all(linear @ inverse, matrix, single, states, STEPS, blocks)
     return states

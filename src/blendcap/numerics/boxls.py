@@ -10,9 +10,10 @@ from blendcap.data.checks import array
 from blendcap.data.solution import Certificate
 from blendcap.numerics._boxproblem import BoxProblem, accuracy, blocks, box_problem, residuals
 from blendcap.numerics._descent import descend
-from blendcap.numerics._guess import guess_states
+from blendcap.numerics._guess import MANY, guess_states
 from blendcap.numerics._pivoting import FREE, LOWER, UPPER, pivot, workspace
 from blendcap.numerics._seen import seen_gram, seen_start
+from blendcap.numerics._together import settle
 
 FEW = 64  # frames below which the guess costs more than it saves
 
@@ -58,11 +59,15 @@ def solve_box(
     problem = box_problem(gram, linear, diagonal, lower, upper, rows, missing)
     scaled, scale = scaled_problem(problem)
     states = first_states(scaled, scale, start)
-    weights = np.empty_like(problem.linear)
-    rounds = np.empty(len(weights), np.int64)
+    weights = np.full_like(problem.linear, np.nan)
+    rounds = np.zeros(len(weights), np.int64)
+    todo = problem.usable
     given = states is not None
     states = np.zeros((1, 1), np.int8) if states is None else states
-    _solve_all(scaled.arrays(), problem.usable, states, given, weights, rounds, blocks(len(weights)))
+    if given and not problem.missing.shape[1]:
+        settle(scaled.arrays(), states, todo, weights, rounds, blocks(len(weights), MANY))
+    if todo.any():
+        _solve_all(scaled.arrays(), todo, states, given, weights, rounds, blocks(len(weights)))
     weights /= scale
     np.clip(weights, problem.lower, problem.upper, out=weights)
     worst = residuals(problem, weights)
@@ -91,35 +96,35 @@ def first_states(problem: BoxProblem, scale: np.ndarray, start: ArrayLike | None
     if frames < FEW:
         return None
     calm = problem.without_gaps(problem.usable)
-    return guess_states(calm.gram, calm.diagonal, calm.linear, calm.lower, calm.upper, blocks(frames))
+    return guess_states(calm.gram, calm.diagonal, calm.linear, calm.lower, calm.upper, blocks(frames, MANY))
 
 
 @njit(parallel=True, error_model="numpy", cache=True)
-def _solve_all(box, usable, states, given, weights, rounds, count):
-    """All frames; each begins with its given states, or with those of the frame before."""
+def _solve_all(box, todo, states, given, weights, rounds, count):
+    """The frames to do; each begins with its given states, or with those of the frame before."""
     frames = len(weights)
     for b in prange(count):
-        _solve_run(box, usable, states, given, weights, rounds, b * frames // count, (b + 1) * frames // count)
+        _solve_run(box, todo, states, given, weights, rounds, b * frames // count, (b + 1) * frames // count)
 
 
 @njit(error_model="numpy", cache=True)
-def _solve_run(box, usable, states, given, weights, rounds, first, last):
+def _solve_run(box, todo, states, given, weights, rounds, first, last):
     """The frames from first to last, one after the other."""
     gram, linear, diagonal, lower, upper, rows, missing = box
     m, most = lower.size, 100 + 2 * lower.size
     work, g = workspace(m), np.zeros(gram.shape[1])
     seen, state = seen_start(gram, missing), np.zeros(m, np.int8)
     for t in range(first, last):
+        if not todo[t]:
+            continue
         x, f, d = weights[t], linear[t], diagonal[t if len(diagonal) > 1 else 0]
         for i in range(m):
-            x[i] = np.nan
             if given:
                 state[i] = states[t, i]
             if (state[i] == LOWER and lower[i] == -np.inf) or (state[i] == UPPER and upper[i] == np.inf):
                 state[i] = FREE
-        rounds[t] = 0
-        if usable[t]:
-            h = seen_gram(seen, gram, rows, missing, t)
-            rounds[t] = pivot(h, d, f, lower, upper, state, x, g, work, most)
-            if rounds[t] < 0:
-                rounds[t] = most + abs(descend(h, d, f, lower, upper, state, x, g, work, most))
+        h = seen_gram(seen, gram, rows, missing, t)
+        more = pivot(h, d, f, lower, upper, state, x, g, work, most)
+        if more < 0:
+            more = most + abs(descend(h, d, f, lower, upper, state, x, g, work, most))
+        rounds[t] += more

@@ -1,0 +1,175 @@
+"""Block principal pivoting of eight frames at once, one in each lane of the vectors; see `_pivoting` for the method.
+
+Every round factors anew. Frames that are done leave, the others close ranks. The few that take very many rounds, and
+those whose free block is singular, are left to the methods that do one frame at a time.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit, prange
+
+from blendcap.numerics._eight import eliminate, substitute_back
+from blendcap.numerics._lanes import WIDTH, fill, gather, load, some, spread, store, where_less
+from blendcap.numerics._pivoting import FREE, SOLVED
+from blendcap.numerics._products import add_products, aligned, panels
+
+MOST = 20  # rounds before a frame is left to them
+FEWEST = 4  # frames for which a round of eight is worth its while
+
+
+@njit(parallel=True, error_model="numpy", cache=True)
+def settle(box, states, todo, weights, rounds, blocks):
+    """Solve the frames to do from their states; those that do not end within MOST rounds stay to do."""
+    frames = len(weights)
+    columns = panels(box[0])
+    for b in prange(blocks):
+        run = b * frames // blocks, (b + 1) * frames // blocks
+        settle_run(box, columns, states, todo, weights, rounds, run)
+
+
+@njit(error_model="numpy", cache=True)
+def settle_run(box, columns, states, todo, weights, rounds, run):
+    """One run of frames: every round does eight after eight of those that are still wrong."""
+    gram, lower, upper, m = box[0], box[3], box[4], weights.shape[1]
+    mine, eight = np.flatnonzero(todo[run[0] : run[1]]) + run[0], np.empty(WIDTH, np.int64)
+    vectors, free, work = workspace_eight(m, gram.shape[1])
+    count = mine.size
+    for r in range(1, MOST + 1):
+        if count < FEWEST:
+            break
+        left = 0
+        for group in range(0, count, WIDTH):
+            for k in range(WIDTH):
+                eight[k] = mine[min(group + k, count - 1)]
+            n = take_up(eight, box, states, vectors, free)
+            solve(gram.ravel(), columns, lower, upper, vectors, free, n, work)
+            judge_eight(lower, upper, vectors, work)
+            for k in range(min(WIDTH, count - group)):
+                t = eight[k]
+                rounds[t] = r
+                if put_down(k, vectors, work, states[t], weights[t]):
+                    todo[t] = False
+                else:
+                    mine[left] = t
+                    left += 1
+        count = left
+
+
+@njit(error_model="numpy", cache=True)
+def workspace_eight(m, width):
+    """Of one thread: vectors of eight frames; lists of their free unknowns; a factor, a right-hand side, verdicts."""
+    size, most = WIDTH * width, (m + 3) // 4
+    vectors = aligned(size), aligned(size), aligned(size), aligned(size), aligned(size), aligned(size)
+    d = vectors[1]
+    for k in range(WIDTH):
+        d[WIDTH * m + k] = 1.0  # of the unknown that pads
+    rows, columns, spots, none = np.zeros((4, WIDTH * (m + 4)), np.int64)
+    work = aligned(64 * most * (most + 1)), aligned(WIDTH * (m + 4)), np.zeros(width, np.int64), aligned(2 * WIDTH)
+    return vectors, (rows, columns, spots, none), work
+
+
+@njit(error_model="numpy", cache=True)
+def take_up(eight, box, states, vectors, free):
+    """Bring eight frames into the lanes and list their free unknowns; returns the length of the longest list.
+
+    The lists hold the offsets of rows of gram, of its columns, and of vectors; shorter ones are padded by an unknown
+    that stands alone. The longest is padded to a multiple of four.
+    """
+    gram, linear, diagonal, _, _, _, _ = box
+    q, d, s, _, _, _ = vectors
+    rows, columns, spots, _ = free
+    m, width = linear.shape[1], gram.shape[1]
+    most = 0
+    for k in range(WIDTH):
+        t, n = eight[k], 0
+        f, e, now = linear[t], diagonal[t if len(diagonal) > 1 else 0], states[t]
+        for i in range(m):
+            o = WIDTH * i + k
+            q[o], d[o], s[o] = f[i], e[i], now[i]
+        for i in range(m):
+            columns[WIDTH * n + k] = i
+            n += now[i] == FREE
+        for i in range(n, m + 4):
+            columns[WIDTH * i + k] = m
+        most = max(most, n)
+    most = (most + 3) & -4
+    for o in range(WIDTH * most):
+        rows[o] = width * columns[o]
+        spots[o] = WIDTH * columns[o] + o % WIDTH
+    return most
+
+
+@njit(error_model="numpy", cache=True)
+def solve(gram, panels, lower, upper, vectors, free, n, work):
+    """x and g, half the gradient, of the states, the free unknowns at their optimum."""
+    q, d, s, x, g, z = vectors
+    a, y, used, _ = work
+    _, _, spots, none = free
+    m, count = lower.size, 0
+    for i in range(m):
+        o = WIDTH * i
+        state = load(s, o)
+        value = where_less(state, fill(0.5), spread(lower, i), fill(0.0))
+        value = where_less(fill(1.5), state, spread(upper, i), value)
+        store(x, o, value)
+        store(z, o, fill(0.0))
+        store(g, o, load(q, o) + load(d, o) * value)
+        used[count] = i
+        count += some(value)
+    add_products(panels, used[:count], x, g)
+    for o in range(0, WIDTH * n, WIDTH):
+        store(y, o, fill(0.0) - gather(g, spots, o, none, 0))
+    eliminate(gram, free, n, d, a, y)
+    substitute_back(a, y, n)
+    for o in range(WIDTH * n):
+        z[spots[o]] = y[o]
+    count = 0
+    for i in range(m):
+        o = WIDTH * i
+        value = load(z, o)
+        store(x, o, load(x, o) + value)
+        store(g, o, load(g, o) + load(d, o) * value)
+        used[count] = i
+        count += some(value)
+    add_products(panels, used[:count], z, g)
+
+
+@njit(error_model="numpy", cache=True)
+def put_down(k, vectors, work, state, weights):
+    """Keep the answer of lane k if it is the optimum, else the states that it asks for."""
+    _, _, _, x, _, following = vectors
+    verdicts = work[3]
+    if verdicts[k] == 0 and verdicts[WIDTH + k] == 0:
+        for i in range(weights.size):
+            weights[i] = x[WIDTH * i + k]
+        return True
+    for i in range(weights.size):
+        state[i] = np.int8(following[WIDTH * i + k])
+    return False
+
+
+@njit(error_model="numpy", cache=True)
+def judge_eight(lower, upper, vectors, work):
+    """The states that x and g ask for replace z; how many differ, and whether the gradient is not zero where free."""
+    q, _, s, x, g, following = vectors
+    zero, one, two = fill(0.0), fill(1.0), fill(2.0)
+    size = one
+    for i in range(lower.size):
+        f = load(q, WIDTH * i)
+        f = where_less(f, zero, zero - f, f)
+        size = where_less(size, f, f, size)
+    tolerance, solved = size * fill(1e-13), size * fill(SOLVED)
+    differ, steep = zero, zero
+    for i in range(lower.size):
+        o = WIDTH * i
+        state, slope, value = load(s, o), load(g, o), load(x, o)
+        free = where_less(value, spread(lower, i), zero, where_less(spread(upper, i), value, two, one))
+        low = where_less(slope, zero - tolerance, one, zero)
+        high = where_less(tolerance, slope, one, two)
+        new = where_less(state, fill(0.5), low, where_less(fill(1.5), state, high, free))
+        store(following, o, new)
+        differ = differ + (new - state) * (new - state)
+        steep = steep + where_less((state - one) * (state - one), fill(0.5), slope * slope, zero)
+    store(work[3], 0, differ)
+    store(work[3], WIDTH, where_less(steep, solved * solved, zero, one))  # also where it is not a number
