@@ -8,7 +8,11 @@ from scipy.spatial.transform import Rotation
 
 import stage
 from blendcap import InputError, MarkerTake, SurfacePoints, bind
+from blendcap.markers import binding as binding_module
 from blendcap.markers.binding import METHODS
+from blendcap.markers.helmet import rigid_columns
+from blendcap.markers.neighbors import candidates, seamless
+from blendcap.markers.refinement import Places, algorithm_4
 from blendcap.synthetic.performances import range_of_motion
 from blendcap.synthetic.performer import make_performer
 from blendcap.synthetic.takes import choose_points, make_take
@@ -96,6 +100,17 @@ def test_algorithm_4_settles(rig, given, rom):
     assert bind(rig, rom[0], far, rom[0], method="paper").errors[-1] <= errors[0] * 1.5
 
 
+def test_algorithm_4_looks_through_the_slip(rig, given):
+    """A helmet that slips as far as the face moves leaves markers in their right places, with hardly an error."""
+    weights = range_of_motion(rig, 24.0).weights[::24]
+    slip = 0.5 * np.sin(np.linspace(0, 9, len(weights))[:, None] + np.arange(6))
+    surface, deltas = rig.sample(given)
+    positions = surface + np.tensordot(weights, deltas, 1) + np.tensordot(slip, rigid_columns(surface), 1)
+    places = Places(rig, given.names, candidates(seamless(rig), given, 8.0, 40))
+    points, _, errors = algorithm_4(places, given, MarkerTake(positions, given.names, 24.0), surface)
+    assert errors[-1] < 0.1 and apart(points, given, rig).max() < 0.1
+
+
 @pytest.mark.parametrize("method", METHODS)
 def test_the_performers_space_does_not_matter(rig, given, rom, method):
     turn = Rotation.from_rotvec([0.4, -1.1, 2.0]).as_matrix()
@@ -175,6 +190,18 @@ def test_places_can_be_found_without_a_table():
     turn = Rotation.from_rotvec([0.2, 2.5, -0.3]).as_matrix()
     binding = bind(rig, replace(take, positions=take.positions @ turn.T + 500.0))
     assert binding.automatic and np.median(apart(binding.points, truth.points, rig)) < 2.0
+
+
+def test_places_are_found_from_the_neutral_that_is_named(monkeypatch, rig, given, rom):
+    """Finding itself is tested in test_places; here it only has to be told where the neutral begins."""
+    told = []
+
+    def found(rig, take, *, frame):
+        told.append(frame)
+        return given
+
+    monkeypatch.setattr(binding_module, "find_places", found)
+    assert bind(rig, rom[0], neutral=7).automatic and told == [7]
 
 
 class TestRefusals:

@@ -266,12 +266,21 @@ def negative_smoothness(folder, rig, truth):
     return [*SOLVE, "--smoothness", "-1"], "The setting smoothness must be a number that is not negative, but is -1.0."
 
 
+def beta_without_its_method(folder, rig, truth):
+    return [*SOLVE, "--beta", "0.3"], "--beta belongs to --method paper, not to learned; leave it out."
+
+
+def coupling_without_its_method(folder, rig, truth):
+    return [*SOLVE, "--coupling", "1"], "--coupling belongs to --method paper, not to learned; leave it out."
+
+
 REFUSALS = [missing_file, missing_rig, truncated_glb, obj_with_other_topology, c3d_that_is_none, empty_take,
             all_missing_marker, nan_frame, unknown_label, unknown_place, vertex_that_is_none,
             correspondences_that_are_no_json, rate_zero, unknown_shape, unknown_shape_to_evaluate, no_such_folder,
             output_is_a_folder, unknown_ending, unknown_ending_of_the_second_output, rig_of_unknown_ending,
             buffer_outside_its_folder, terabytes_of_buffer,
-            terabytes_of_view, terabytes_of_vertices, negative_smoothness]  # fmt: skip
+            terabytes_of_view, terabytes_of_vertices, negative_smoothness, beta_without_its_method,
+            coupling_without_its_method]  # fmt: skip
 
 
 @pytest.mark.parametrize("spoil", REFUSALS)

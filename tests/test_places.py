@@ -134,6 +134,7 @@ def test_markers_that_the_neutral_misses_get_no_place(rig, other_face):
     positions[:15, 3] = np.nan
     take = MarkerTake(positions, [f"m{i}" for i in range(len(other_face))], 60)
     assert find_places(rig, take).names == tuple(name for name in take.names if name != "m3")
+    assert find_places(rig, take, frame=15).names == take.names  # a neutral that sees it
 
 
 def test_trajectories_that_nobody_labeled_get_no_place(rig, other_face):

@@ -11,11 +11,13 @@ from blendcap import (
     Animation,
     Binding,
     Camera,
+    Certificate,
     InputError,
     LandmarkTake,
     MarkerTake,
     Mesh,
     Rig,
+    Solution,
     SurfacePoints,
 )
 from blendcap.data import triangulate
@@ -329,3 +331,18 @@ def test_a_binding_takes_markers_to_the_rig():
     quarter = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
     record = binding(rotation=quarter, translation=[1, 2, 3], scale=2.0)
     np.testing.assert_allclose(record.to_rig([[1, 0, 0], [0, 1, 0]]), [[1, 4, 3], [-1, 2, 3]])
+
+
+def solution(residuals) -> Solution:
+    residuals = np.array(residuals, dtype=float)
+    certificate = Certificate(max_kkt=0.0, iterations=1.0, converged=True, residuals=np.zeros(len(residuals)))
+    return Solution(animation(), residuals, np.zeros(len(residuals)), {}, certificate, ("a", "b"))
+
+
+def test_the_rms_counts_every_marker_that_was_seen_once():
+    answer = solution([[3.0, 4.0], [NAN, 1.0], [2.0, NAN]])
+    assert answer.rms_mm == pytest.approx(np.sqrt((9 + 16 + 1 + 4) / 4))
+    assert answer.marker_rms == pytest.approx([np.sqrt((9 + 4) / 2), np.sqrt((16 + 1) / 2)])
+    blind = solution([[NAN, 2.0]])
+    assert blind.rms_mm == 2.0 and np.isnan(blind.marker_rms[0])
+    assert np.isnan(solution([[NAN, NAN]]).rms_mm)

@@ -223,6 +223,18 @@ def test_a_wink_is_not_a_blink(side):
     assert np.abs(case.off(solution)[:, own]).max() < 0.1
 
 
+def test_a_blink_seen_on_one_lid_closes_both():
+    """Nothing that the right lid moves has a marker, so it goes with the left one; held at rest, it would stay open."""
+    points, right = with_lids(), SHAPES.index("eyeBlinkRight")
+    size = np.linalg.norm(small_rig().sample(points)[1][right], axis=1)
+    seen = points.select([name for name, moves in zip(points.names, size, strict=True) if moves < 0.05])
+    blink = posed(seconds=2.0, eyeBlinkLeft=0.8, eyeBlinkRight=0.8)
+    case = scene(blink, points=seen, strength=1.0, seed=3, noise=0.2, slip=(1.0, 1.0))
+    solution = case.solve()
+    assert solution.unseen["eyeBlinkRight"] > 3.0
+    assert np.abs(case.off(solution)[:, [right, SHAPES.index("eyeBlinkLeft")]]).max() < 0.12
+
+
 @pytest.mark.parametrize("strength", [0.0, 1.0])
 def test_half_a_smile_stays_on_its_side(strength):
     case = scene(posed(mouthSmileLeft=0.8), strength=strength, seed=3, **TYPICAL)
@@ -287,6 +299,14 @@ def test_the_heads_motion_is_returned_and_not_acted():
     assert np.linalg.norm(where[1] - where[0], axis=2).mean() < 0.5
 
 
+def test_head_motion_that_is_hardly_there_is_removed_if_that_is_asked_for(typical):
+    """What the stable markers do here is noise and play: left alone by default, followed on request."""
+    free = {"method": "paper", "helmet": "none", "longest_gap": 0.0}
+    kept, asked = (typical.solve(head=head, stable=typical.take.names, **free) for head in ("auto", "remove"))
+    assert kept.animation.head is None
+    assert (np.abs(asked.animation.head - np.eye(4)).max((1, 2)) > 1e-6).mean() > 0.9
+
+
 def test_head_motion_in_another_space_is_returned_in_the_rigs():
     nodding = scene(talk(), seed=6, noise=0.05, head=(20.0, 10.0))
     turn = Rotation.from_rotvec([1.4, -0.1, 2.0]).as_matrix()
@@ -309,7 +329,7 @@ def test_what_markers_cannot_see_is_named_and_rests(caplog):
         column = rig.index(name)
         assert solution.animation.confidence[:, column].max() < 0.8
         if solution.unseen[name] > 0.3:
-            assert solution.animation.weights[:, column].max() < 0.02
+            assert solution.animation.weights[:, column].max() < 0.05
     assert not {"jawOpen", "mouthSmileLeft", "browInnerUp"} & set(solution.unseen)
 
 

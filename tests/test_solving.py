@@ -329,6 +329,23 @@ def test_smoothness_smooths():
     assert rough[0] > 3 * rough[1] > 3 * rough[2]
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_what_no_marker_sees_follows_its_partner_or_rests(seed):
+    """Shape 1 moves no marker and its partner does; 2, 3 and 4 hardly do, and the rig lacks what looks like them."""
+    rng = np.random.default_rng(seed)
+    columns = rng.normal(size=(SHAPES + 2, MARKERS, 3))
+    columns[1], columns[2:5] = 0.0, 0.02 * columns[2:5]
+    wave = np.sin(np.linspace(0, 2 * np.pi, 120))[:, None, None]
+    lacked = 20 * columns[2:5].sum(0)
+    lacked -= columns[0] * (lacked * columns[0]).sum() / (columns[0] ** 2).sum()  # shape 0 has no part in it
+    moved = wave**2 * (0.8 * columns[0] + lacked)
+    rows = marker_rows(columns[:SHAPES], columns[SHAPES:], moved, np.tile([0.0, 1.0], (SHAPES, 1)), -1.0)
+    weights = solve_learned(rows, MIRROR, 60.0, 0.05).unknowns[:, :SHAPES]
+    assert np.abs(weights[:, 0] - 0.8 * wave[:, 0, 0] ** 2).max() < 0.3
+    assert np.abs(weights[:, 1] - weights[:, 0]).max() < 0.12
+    assert weights[:, 2:].max() < 0.002
+
+
 def test_targets_are_relinearized_before_the_last_pass():
     rows, _ = long_rows()
     seen = []
@@ -371,6 +388,19 @@ def test_live_follows_and_uses_the_past_only():
     assert np.array_equal(changed[:cut], unknowns[:cut]) and not np.allclose(changed[cut:], unknowns[cut:])
 
 
+def test_half_a_marker_is_a_missing_marker():
+    """A coordinate alone is not believed: the answer is that of the frames without the marker."""
+    rows, _ = long_rows(gaps=0.0)
+    half, gone = rows.targets[:5].copy(), rows.targets[:5].copy()
+    half[2:, 3, 1], gone[2:, 3] = np.nan, np.nan
+    answers = []
+    for targets in (half, gone, rows.targets[:5]):
+        solver = LiveSolver(rows, MIRROR, 60.0, 0.1)
+        answers.append(np.array([solver.step(frame)[0] for frame in targets]))
+    assert np.isfinite(answers[0]).all() and np.array_equal(answers[0], answers[1])
+    assert np.abs(answers[0] - answers[2])[2:].max() > 1e-4
+
+
 def test_live_eases_to_rest_when_it_sees_nothing():
     rows, _ = long_rows()
     solver = LiveSolver(rows, MIRROR, 60.0, 0.1)
@@ -389,7 +419,8 @@ def test_live_eases_to_rest_when_it_sees_nothing():
 @pytest.mark.parametrize(
     "wrong",
     [{"method": "magic"}, {"helmet": "hat"}, {"head": "off"}, {"beta": -1.0}, {"gamma": np.nan}, {"coupling": np.inf},
-     {"longest_gap": -0.1}, {"noise": 0.0}, {"noise": np.nan}, {"symmetry": 1.0}, {"passes": 0}],
+     {"longest_gap": -0.1}, {"noise": 0.0}, {"noise": np.nan}, {"symmetry": 1.0}, {"passes": 0}, {"passes": 1.5},
+     {"smoothness": 1e9}],
 )  # fmt: skip
 def test_settings_refuse_what_makes_no_sense(wrong):
     with pytest.raises(InputError, match=str(next(iter(wrong)))):

@@ -92,6 +92,17 @@ def test_a_slipping_helmet_is_not_made_worse():
     assert np.abs(still.positions - face(noise=0.2)).mean() <= np.abs(slipped - face(noise=0.2)).mean()
 
 
+def test_what_hides_in_the_markers_play_is_removed_if_that_is_asked_for():
+    """Lively markers on a head that hardly turns do not look like one body; the fit of all of them is asked for."""
+    rotation, translation = head_motion(size=0.1)
+    moved = apply(face(), rotation, translation)
+    assert np.array_equal(stabilize(as_take(moved), NAMES)[1].positions, moved)
+    head, still = stabilize(as_take(moved), NAMES, always=True)
+    np.testing.assert_allclose(apply(still.positions, head[:, :3, :3], head[:, :3, 3]), moved, atol=1e-9)
+    away = [np.abs(take[:, :STILL] - face()[:, :STILL]).mean() for take in (moved, still.positions)]
+    assert away[1] < 0.5 * away[0]
+
+
 def test_missing_markers_cost_little():
     rotation, translation = head_motion()
     moved = apply(face(), rotation, translation)
