@@ -167,7 +167,7 @@ def rate_zero(folder, rig, truth):
 
 def unknown_shape(folder, rig, truth):
     blendcap.write_animation(folder / "other.csv", replace(truth, names=("bumpLeft", "bumpRight", "jawOpen")))
-    sentence = "The animation moves the shape 'jawOpen', which the rig 'sheet' does not have."
+    sentence = "The animation moves the shape 'jawOpen', for which there is no place; leave it out or map it."
     return ["convert", "other.csv", "new.glb", "--rig", "rig.glb"], sentence
 
 

@@ -1,9 +1,12 @@
 """Names of shapes."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from blendcap.data.names import ARKIT52, HEAD_AND_EYES, canonical, match, mirror_map, mirror_name
+from blendcap.data import Animation, InputError
+from blendcap.data.names import ARKIT52, HEAD_AND_EYES, canonical, in_vocabulary, match, mirror_map, mirror_name
 
 
 @pytest.mark.parametrize(
@@ -55,3 +58,14 @@ def test_arkit_on_the_real_rig(data):
     found = match(ARKIT52, names)
     for name, shapes in expected.items():
         assert sorted(found.get(name, ())) == sorted(shapes), name
+
+
+def test_halves_and_wholes_are_carried_both_ways():
+    whole = Animation([[0.4, 0.8, 0.1]], ("browInnerUp", "JawOpen", "headYaw"), 30)
+    halves = in_vocabulary(whole, ("browInnerUp_R", "jawOpen", "browInnerUp_L", "mouthClose"))
+    assert halves.names == ("browInnerUp_R", "jawOpen", "browInnerUp_L")
+    np.testing.assert_allclose(halves.weights, [[0.4, 0.8, 0.4]])
+    again = in_vocabulary(replace(halves, weights=np.array([[0.2, 0.8, 0.6]])), ("browInnerUp", "jawOpen"))
+    np.testing.assert_allclose(again.weights, [[0.4, 0.8]])
+    with pytest.raises(InputError, match="None of the shapes"):
+        in_vocabulary(whole, ("tail",))

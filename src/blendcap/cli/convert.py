@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 
-def convert(animation: Path, out: Path, /, *, rig: Path | None = None) -> None:
+def convert(animation: Path, out: Path, /, *, rig: Path | None = None, partial: bool = False) -> None:
     """Write an animation in another format.
 
     Parameters
@@ -15,10 +15,16 @@ def convert(animation: Path, out: Path, /, *, rig: Path | None = None) -> None:
     out
         The file to write; its ending says the format.
     rig
-        The rig that the weights drive; needed to write .glb.
+        The rig that the weights shall drive; needed to write .glb. Other spellings of its shapes are matched, and
+        halves and wholes (browInnerUp) are carried over.
+    partial
+        Leave out shapes that the rig does not have, with a warning.
     """
+    from blendcap.data.names import in_vocabulary
     from blendcap.io import read_animation, read_rig, write_animation
 
-    answer = read_animation(animation)
-    write_animation(out, answer, rig=None if rig is None else read_rig(rig))
+    answer, target = read_animation(animation), None if rig is None else read_rig(rig)
+    if target is not None:
+        answer = in_vocabulary(answer, target.names, partial=partial)
+    write_animation(out, answer, rig=target)
     print(f"{out}: {len(answer.weights):,} frames of {len(answer.names)} shapes at {answer.rate:g} frames a second")

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import logging
 import re
 from collections.abc import Sequence
 
 import numpy as np
+
+from blendcap.data.animation import Animation
+from blendcap.data.errors import InputError
+
+_log = logging.getLogger(__name__)
 
 # The order of the columns in a Live Link Face recording.
 ARKIT52: tuple[str, ...] = (
@@ -74,3 +80,41 @@ def match(names: Sequence[str], others: Sequence[str]) -> dict[str, tuple[str, .
         if all(half in place for half in halves):
             found[name] = tuple(place[half] for half in halves)
     return found
+
+
+def in_vocabulary(animation: Animation, names: Sequence[str], *, partial: bool = True) -> Animation:
+    """The animation on shapes that another rig or file names otherwise, in the order of `names`.
+
+    Spellings are matched; a whole moves both its halves, and halves move the whole by their mean. Shapes that nothing
+    drives are left out, and shapes that find no place are named in a warning, or refused unless `partial` (angles of
+    the head and the eyes never are).
+
+    Raises
+    ------
+    InputError
+        If no shape finds a place, or one that moves does not and `partial` is false.
+    """
+    there, back = match(animation.names, names), match(names, animation.names)
+    drivers = {target: (name,) for name, targets in there.items() for target in targets} | back
+    wanted = [name for name in names if name in drivers]
+    if not wanted:
+        raise InputError(f"None of the shapes {', '.join(animation.names[:4])} ... is among {', '.join(names[:4])} ...")
+    used = {name for name in wanted for name in drivers[name]}
+    column = {name: i for i, name in enumerate(animation.names)}
+    lost = [name for name, i in column.items() if name not in used and np.any(animation.weights[:, i])]
+    if not partial and set(lost) - set(HEAD_AND_EYES):
+        name = next(name for name in lost if name not in HEAD_AND_EYES)
+        raise InputError(
+            f"The animation moves the shape {name!r}, for which there is no place; leave it out or map it."
+        )
+    if lost:
+        _log.warning("%d shapes that move find no place and are left out: %s.", len(lost), ", ".join(lost[:8]))
+
+    def carried(values: np.ndarray) -> np.ndarray:
+        return np.stack([values[:, [column[d] for d in drivers[name]]].mean(1) for name in wanted], axis=1)
+
+    confidence = None if animation.confidence is None else carried(animation.confidence)
+    return Animation(
+        carried(animation.weights), tuple(wanted), animation.rate, animation.head, confidence, animation.times,
+        animation.meta,
+    )  # fmt: skip

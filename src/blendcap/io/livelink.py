@@ -10,7 +10,7 @@ import re
 import numpy as np
 
 from blendcap.data import Animation, InputError
-from blendcap.data.names import ARKIT52, HEAD_AND_EYES, match
+from blendcap.data.names import ARKIT52, HEAD_AND_EYES, in_vocabulary, match
 from blendcap.io.opening import reading
 from blendcap.io.rates import rate_of_times
 from blendcap.io.tables import Table, read_table, write_table
@@ -57,17 +57,15 @@ def animation_of_live_link(table: Table) -> Animation:
 def write_live_link(path: str | os.PathLike, animation: Animation) -> None:
     """Write the 52 ARKit shapes and the nine angles as Live Link Face does; what the animation lacks is 0.
 
-    The timecode starts at the animation's own if it has one, else at 00:00:00, and counts 60 frames a second. Shapes
-    that are not among the 52 are left out with a warning; at least one must be among them.
+    The timecode starts at the animation's own if it has one, else at 00:00:00, and counts 60 frames a second. Other
+    spellings are matched, halves move their whole, and shapes that are not among the 52 are left out with a warning; at
+    least one must be among them.
     """
     columns = (*ARKIT52, *HEAD_AND_EYES)
-    found = {name: mine[0] for name, mine in match(columns, animation.names).items() if len(mine) == 1}
-    if not set(found) & set(ARKIT52):
+    if not match(ARKIT52, animation.names):
         raise InputError(f"Cannot write {path}: none of the animation's shapes is one of the 52 ARKit shapes.")
-    lost = [name for name in animation.names if name not in found.values()]
-    if lost:
-        _log.warning("Live Link Face has no column for %d shapes: %s.", len(lost), ", ".join(lost[:8]))
-    values = [_column(animation, found.get(name)) for name in columns]
+    animation = in_vocabulary(animation, columns)
+    values = [_column(animation, name) for name in columns]
     start = _seconds(animation.meta.get("timecode", "00:00:00:00"), _WRITTEN, "The animation's timecode")
     header = ["Timecode", "BlendShapeCount", *(name[:1].upper() + name[1:] for name in columns)]
     stamps = np.array([_stamp(start + t) for t in (animation.times - animation.times[0]).tolist()])
@@ -75,8 +73,8 @@ def write_live_link(path: str | os.PathLike, animation: Animation) -> None:
     write_table(path, {}, header, [stamps, counts, *values])
 
 
-def _column(animation: Animation, name: str | None) -> np.ndarray:
-    if name is None:
+def _column(animation: Animation, name: str) -> np.ndarray:
+    if name not in animation.names:
         return np.zeros(len(animation.weights))
     return animation.weights[:, animation.names.index(name)]
 

@@ -21,6 +21,7 @@ log = logging.getLogger(__name__)
 METHODS = ("weighed", "paper", "given")
 TRIANGLES = 120  # Q: candidates of each marker
 FEWEST = 4  # markers
+FARTHEST = 20.0  # mm: median distance from marker to place that no face explains
 
 
 def bind(
@@ -89,9 +90,21 @@ def bind(
             progress("matching the markers' motion")
             points, errors = motion_places(places, points, alignment, source, rest, deviation)
     offsets = alignment(rest) - points.positions(rig.mesh)
+    _check_fit(offsets)
+    if correspondences is None:
+        log.warning("The markers' places were found automatically: look at the picture before you trust the answer.")
     return Binding(
         points, alignment.rotation, alignment.translation, alignment.scale, offsets, errors, correspondences is None
     )
+
+
+def _check_fit(offsets: np.ndarray) -> None:
+    away = float(np.median(np.linalg.norm(offsets, axis=1)))
+    if away > FARTHEST:
+        raise InputError(
+            f"Half of the markers lie more than {away:.0f} mm off their places on the rig, so they are not markers of "
+            "this face: check the take, its labels and the correspondences."
+        )
 
 
 def _given_places(

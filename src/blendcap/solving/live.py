@@ -66,7 +66,7 @@ class LiveSolver:
     def step(self, targets: np.ndarray) -> tuple[np.ndarray, Certificate]:
         """Unknowns (N + K,) of the next frame from marker displacements (M, 3), mm, NaN where missing."""
         rows, count = self.rows, self.rows.shapes
-        missing = ~np.isfinite(targets).all(1)
+        missing = np.any(~np.isfinite(targets), axis=1)
         linear = -np.where(missing[:, None], 0.0, targets).ravel() @ rows.rows.reshape(-1, len(rows.lower))
         hold = np.zeros_like(self.hold) if self.last is None else self.hold
         last = np.zeros_like(hold) if self.last is None else self.last

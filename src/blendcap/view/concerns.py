@@ -41,7 +41,9 @@ def _trouble_of_the_solve(solution: Solution, binding: Binding | None) -> list[s
 def _unseen(solution: Solution) -> list[str]:
     if not solution.unseen:
         return []
-    names = ", ".join(f"{name} (±{error:.2f})" for name, error in solution.unseen.items())
+    names = ", ".join(
+        f"{name} (±{error:.2f})" if error < 1 else f"{name} (not at all)" for name, error in solution.unseen.items()
+    )
     return [f"These markers cannot see {len(solution.unseen)} of the shapes; their weights are a guess: {names}."]
 
 
