@@ -1,0 +1,1 @@
+"""From scan, photographs or examples to the actor's rig."""
