@@ -317,6 +317,17 @@ def test_solve_answers_in_json_and_in_every_file_that_was_asked_for(folder, trut
     assert np.abs(files[2].weights - truth.weights).mean() < 0.02
 
 
+def test_places_that_a_solve_found_serve_the_next_one(folder, truth, capsys):
+    assert main([*SOLVE, "--write-places", "found.json"]) == 0
+    found = json.loads((folder / "found.json").read_text(encoding="utf-8"))
+    assert list(found) == [f"m{v}" for v in range(0, 225, 9)] and set(found["m0"]) == {"face", "barycentric"}
+    assert main(changed(SOLVE, places="found.json", out="again.csv")) == 0
+    again = blendcap.read_animation(folder / "again.csv")
+    assert np.abs(again.weights - truth.weights).mean() < 0.02
+    assert main([*SOLVE, "--write-places", "found.txt"]) == 1
+    assert "ending must be one of .json" in capsys.readouterr().err
+
+
 def test_evaluate_of_the_truth_is_without_error(folder, capsys):
     assert main(["evaluate", "truth.csv", "truth.csv", "--rig", "rig.glb", "--json"]) == 0
     answer = json.loads(capsys.readouterr().out)
@@ -342,6 +353,11 @@ def test_info_speaks_to_people_in_lines(folder, capsys):
     lines = capsys.readouterr().out.splitlines()
     assert any(line.split() == ["vertices", "225"] for line in lines)
     assert any("bumpLeft, bumpRight, lift" in line for line in lines)
+    assert main(["info", "take.c3d"]) == 0
+    assert any(
+        line.split() == ["missing", *["0", "%", "of", "the", "samples"]]
+        for line in capsys.readouterr().out.splitlines()
+    )
 
 
 def test_convert_keeps_the_animation(folder, truth, capsys):

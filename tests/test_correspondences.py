@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from blendcap.data import InputError, Mesh, Rig, SurfacePoints
+from blendcap.io import read_correspondences, write_correspondences
 from blendcap.markers.correspondences import resolve
 
 
@@ -54,3 +55,12 @@ def test_every_kind_of_place(rig):
 def test_each_mistake_has_its_sentence(rig, table, words):
     with pytest.raises(InputError, match=words):
         resolve(rig, table, labels=["Chin"])
+
+
+def test_places_that_were_found_can_be_written_and_used_again(rig, tmp_path):
+    found = SurfacePoints(("Lip Ö", "Chin"), [1, 0], [[0.125, 0.25, 0.625], [1, 0, 0]])
+    write_correspondences(tmp_path / "places.json", found)
+    again = resolve(rig, read_correspondences(tmp_path / "places.json"), labels=found.names)
+    assert again.names == found.names
+    np.testing.assert_array_equal(again.faces, found.faces)
+    np.testing.assert_allclose(again.barycentric, found.barycentric, atol=1e-6)

@@ -154,6 +154,19 @@ def test_stills_and_sheets_are_the_same_every_time(rig, tmp_path):
     np.testing.assert_array_equal(cv2.imdecode(np.frombuffer(png(picture), np.uint8), 1)[..., ::-1], picture)
 
 
+def test_names_stand_beside_the_places_that_face_the_camera(rig):
+    places = np.array([[0.0, 40, 40], [-40.0, 60, 40 - (40 / 12) ** 2]])
+    options = {"size": (400, 300), "yaws": (0.0,), "fitted": places}
+    bare = still(rig, **options)
+    named = still(rig, **options, labels=("a", "b")) != bare
+    ((camera, _),) = side_by_side(rig, (400, 300), (0.0,))
+    pixels = np.round(project(places, camera)[0]).astype(int)
+    for x, y in pixels:
+        assert named[y - 6 : y + 7, x : x + 16].any()
+    behind = still(rig, **{**options, "yaws": (np.pi,)}, labels=("a", "b"))
+    np.testing.assert_array_equal(behind, still(rig, **{**options, "yaws": (np.pi,)}))
+
+
 def test_contact_sheet_shows_three_sides_and_every_shape(rig):
     sheet = contact_sheet(rig, columns=4, cell=100)
     assert sheet.shape == (240, 400, 3)

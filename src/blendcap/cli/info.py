@@ -20,4 +20,9 @@ def info(file: Path, /, *, as_json: AsJson = False) -> None:
     from blendcap.io import describe
 
     facts = describe(file)
-    (print_json if as_json else print_lines)(facts)
+    if as_json:
+        print_json(facts)
+        return
+    if "missing" in facts:
+        facts["missing"] = f"{100 * facts['missing']:.3g} % of the samples"
+    print_lines(facts)

@@ -9,7 +9,7 @@ from pathlib import Path
 import blendcap
 
 ANIMATIONS = (".csv", ".glb", ".npz")
-VIDEOS, PAGES, PICTURES = (".mp4", ".gif"), (".html",), (".png",)
+VIDEOS, PAGES, PICTURES, PLACES = (".mp4", ".gif"), (".html",), (".png",), (".json",)
 
 
 def check_outputs(paths: Iterable[Path | None], endings: tuple[str, ...]) -> None:

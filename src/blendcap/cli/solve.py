@@ -9,10 +9,11 @@ from cyclopts import Parameter
 
 import blendcap
 from blendcap.cli.answers import AsJson, print_json, print_lines
-from blendcap.cli.outputs import ANIMATIONS, PAGES, PICTURES, VIDEOS, check_outputs
+from blendcap.cli.outputs import ANIMATIONS, PAGES, PICTURES, PLACES, VIDEOS, check_outputs
 from blendcap.cli.progress import Progress
 
 PREVIEW_RATE, PREVIEW_SIZE = 30.0, (960, 540)
+PLACES_SIZE = (1920, 1080)  # room for the names of the markers
 
 if TYPE_CHECKING:
     from blendcap.data import Binding, MarkerTake, Rig, Solution
@@ -37,6 +38,7 @@ def solve(
     preview: Path | None = None,
     report: Path | None = None,
     picture: Path | None = None,
+    write_places: Path | None = None,
     as_json: AsJson = False,
 ) -> None:
     """Solve a take: markers in, weights of the rig's shapes out.
@@ -76,13 +78,16 @@ def solve(
     report
         A self-contained .html page: figures, plots, warnings.
     picture
-        A .png of the markers on the rig, to check the binding.
+        A .png of the markers on the rig, with their names, to check the binding.
+    write_places
+        A .json of where each marker was placed, in the form of --correspondences: correct it by hand, use it again.
     as_json
         Print the answer as JSON.
     """
     from blendcap.io import read_correspondences, read_markers, read_rig
 
-    for paths, endings in ((output, ANIMATIONS), ([preview], VIDEOS), ([report], PAGES), ([picture], PICTURES)):
+    wanted = ((output, ANIMATIONS), ([preview], VIDEOS), ([report], PAGES), ([picture], PICTURES))
+    for paths, endings in (*wanted, ([write_places], PLACES)):
         check_outputs(paths, endings)
     settings = _settings(method, smoothness, beta, coupling, helmet=helmet, head=head, stable=stable)
     progress = Progress(quiet=as_json)
@@ -91,7 +96,10 @@ def solve(
         motion = None if rom is None else read_markers(rom, unit=unit)
         places = None if correspondences is None else read_correspondences(correspondences)
     binding, solution = bind_and_solve(the_rig, the_take, places, motion, settings, progress)
-    files = write_answers(the_rig, solution, binding, progress, output, preview=preview, report=report, picture=picture)
+    files = write_answers(
+        the_rig, solution, binding, progress, output, preview=preview, report=report, picture=picture,
+        places=write_places,
+    )  # fmt: skip
     facts = summary(the_take, solution, progress)
     if as_json:
         print_json(facts | {"files": [str(f) for f in files]})
@@ -118,21 +126,27 @@ def write_answers(
     preview: Path | None = None,
     report: Path | None = None,
     picture: Path | None = None,
+    places: Path | None = None,
 ) -> list[Path]:
     """Write what was asked for; returns the files."""
     from blendcap import view
-    from blendcap.io import write_animation
+    from blendcap.io import write_animation, write_correspondences
 
     for path in output:
         with progress.step("write", f"Write {path}"):
             write_animation(path, solution.animation, rig=rig)
     if picture is not None:
         with progress.step("picture", f"Write {picture}"):
-            places = binding.points.positions(rig.mesh)
-            view.write_still(picture, rig, targets=places + binding.offsets, fitted=places)
+            skin = binding.points.positions(rig.mesh)
+            view.write_still(
+                picture, rig, size=PLACES_SIZE, targets=skin + binding.offsets, fitted=skin, labels=binding.points.names
+            )
+    if places is not None:
+        with progress.step("places", f"Write {places}"):
+            write_correspondences(places, binding.points)
     if preview is not None:
         _write_preview(preview, rig, solution, progress)
-    files = [*output, *(path for path in (picture, preview) if path is not None)]
+    files = [*output, *(path for path in (picture, places, preview) if path is not None)]
     if report is not None:
         with progress.step("report", f"Write {report}"):
             steps = [f"Open {path.name}." for path in files]

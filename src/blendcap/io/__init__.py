@@ -1,7 +1,7 @@
 """Files: one module per format; imports data only. The format of a file is its ending."""
 
 from blendcap.io.atomic import write_whole
-from blendcap.io.correspondences import read_correspondences
+from blendcap.io.correspondences import read_correspondences, write_correspondences
 from blendcap.io.describe import describe, read_any
 from blendcap.io.formats import (
     read_animation,
@@ -25,6 +25,7 @@ __all__ = [
     "read_points",
     "read_rig",
     "write_animation",
+    "write_correspondences",
     "write_markers",
     "write_mesh",
     "write_points",

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import os
 from typing import Any
 
-from blendcap.data import InputError
+from blendcap.data import InputError, SurfacePoints
+from blendcap.io.atomic import write_whole
 from blendcap.io.opening import read_json
 
 Place = int | str | dict[str, Any]
@@ -29,6 +31,17 @@ def read_correspondences(path: str | os.PathLike) -> dict[str, Place]:
                 'such as "landmarks68/30", or {"face": 17, "barycentric": [0.2, 0.3, 0.5]}.'
             )
     return entries
+
+
+def write_correspondences(path: str | os.PathLike, points: SurfacePoints) -> None:
+    """Write where each marker sits, as `read_correspondences` reads it: to correct by hand, or to use again."""
+    places = {
+        label: json.dumps({"face": face, "barycentric": [round(weight, 6) for weight in weights]})
+        for label, face, weights in zip(points.names, points.faces.tolist(), points.barycentric.tolist(), strict=True)
+    }
+    lines = ",\n".join(f" {json.dumps(label)}: {place}" for label, place in places.items())
+    with write_whole(path) as temporary:
+        temporary.write_text(f"{{\n{lines}\n}}\n", encoding="utf-8")
 
 
 def _is_place(place: Any) -> bool:

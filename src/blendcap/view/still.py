@@ -6,10 +6,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial import cKDTree
 
-from blendcap.data import Rig
-from blendcap.rendering import default_colors, prepare
-from blendcap.view.image import write_image
+from blendcap.data import Camera, Rig
+from blendcap.rendering import Surface, default_colors, prepare, project, vertex_normals
+from blendcap.view.image import draw_text, write_image
 from blendcap.view.posing import VIEWS, side_by_side
 from blendcap.view.preview import mark
 
@@ -23,6 +24,7 @@ def write_still(
     yaws: Sequence[float] = VIEWS,
     targets: np.ndarray | None = None,
     fitted: np.ndarray | None = None,
+    labels: Sequence[str] | None = None,
 ) -> None:
     """Write a PNG of the rig under weights (N,), neutral if not given, seen from several sides.
 
@@ -34,8 +36,10 @@ def write_still(
         A view each, rad towards the subject's left.
     targets, fitted : (M, 3), optional
         Markers (red) and their places on the posed rig (blue), mm.
+    labels : (M,) str, optional
+        Names of the places, written beside those that face the camera.
     """
-    write_image(path, still(rig, weights, size=size, yaws=yaws, targets=targets, fitted=fitted))
+    write_image(path, still(rig, weights, size=size, yaws=yaws, targets=targets, fitted=fitted, labels=labels))
 
 
 def still(
@@ -46,6 +50,7 @@ def still(
     yaws: Sequence[float] = VIEWS,
     targets: np.ndarray | None = None,
     fitted: np.ndarray | None = None,
+    labels: Sequence[str] | None = None,
 ) -> np.ndarray:
     """The picture (H, W, 3) uint8 that `write_still` writes."""
     posed = rig.mesh if weights is None else rig.mesh.with_vertices(rig.pose(weights))
@@ -53,5 +58,17 @@ def still(
     for camera, part in side_by_side(rig, size, yaws):
         view = surface.picture(camera, part)
         mark(view, camera, targets, fitted)
+        if labels is not None and fitted is not None:
+            _name(view, camera, surface, fitted, labels)
         views.append(view)
     return np.hstack(views)
+
+
+def _name(picture: np.ndarray, camera: Camera, surface: Surface, places: np.ndarray, labels: Sequence[str]) -> None:
+    """Write the names of places (M, 3), mm, to the right of them, but for those on the far side of the face."""
+    normals = vertex_normals(surface.vertices, surface.faces)[cKDTree(surface.vertices).query(places)[1]]
+    towards = -camera.pose[:3, :3].T @ camera.pose[:3, 3] - places
+    height = max(picture.shape[0] // 80, 9)
+    for (x, y), label, facing in zip(project(places, camera)[0], labels, (normals * towards).sum(1) > 0, strict=True):
+        if facing:
+            draw_text(picture, label, (round(x) + height // 2, round(y)), height=height, anchor="lm")
