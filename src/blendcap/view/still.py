@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from blendcap.data import Camera, Rig
 from blendcap.rendering import Surface, default_colors, prepare, project, vertex_normals
@@ -66,7 +66,7 @@ def still(
 
 def _name(picture: np.ndarray, camera: Camera, surface: Surface, places: np.ndarray, labels: Sequence[str]) -> None:
     """Write the names of places (M, 3), mm, to the right of them, but for those on the far side of the face."""
-    normals = vertex_normals(surface.vertices, surface.faces)[cKDTree(surface.vertices).query(places)[1]]
+    normals = vertex_normals(surface.vertices, surface.faces)[KDTree(surface.vertices).query(places)[1]]
     towards = -camera.pose[:3, :3].T @ camera.pose[:3, 3] - places
     height = max(picture.shape[0] // 80, 9)
     for (x, y), label, facing in zip(project(places, camera)[0], labels, (normals * towards).sum(1) > 0, strict=True):
