@@ -7,14 +7,15 @@ import numpy as np
 import pytest
 
 from blendcap.data import Animation, InputError, Mesh, Rig, SurfacePoints, triangulate
+from blendcap.io.images import png, write_image
+from blendcap.io.video_write import write_video
 from blendcap.rendering import project
 from blendcap.view import marker_heat, vertex_error, write_contact_sheet, write_heatmap, write_preview, write_still
 from blendcap.view.heatmap import SCALE, heat_colors, heatmap
-from blendcap.view.image import draw_text, png, write_image
+from blendcap.view.image import draw_text
 from blendcap.view.posing import framed_vertices, side_by_side, weights_on
 from blendcap.view.sheet import contact_sheet
 from blendcap.view.still import still
-from blendcap.view.video import write_video
 
 
 @pytest.fixture(scope="module")

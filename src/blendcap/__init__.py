@@ -28,6 +28,7 @@ _HOMES = {
     "read_rig": "io",
     "read_markers": "io",
     "read_animation": "io",
+    "read_video": "io",
     "write_mesh": "io",
     "write_rig": "io",
     "write_markers": "io",
@@ -61,6 +62,7 @@ if TYPE_CHECKING:
     from blendcap.io import read_markers as read_markers
     from blendcap.io import read_mesh as read_mesh
     from blendcap.io import read_rig as read_rig
+    from blendcap.io import read_video as read_video
     from blendcap.io import write_animation as write_animation
     from blendcap.io import write_markers as write_markers
     from blendcap.io import write_mesh as write_mesh

@@ -13,9 +13,13 @@ from blendcap.io.formats import (
     write_mesh,
     write_rig,
 )
+from blendcap.io.images import write_image
 from blendcap.io.points_json import read_points, write_points
+from blendcap.io.video import Video, read_video
+from blendcap.io.video_write import write_video
 
 __all__ = [
+    "Video",
     "describe",
     "read_animation",
     "read_any",
@@ -24,11 +28,14 @@ __all__ = [
     "read_mesh",
     "read_points",
     "read_rig",
+    "read_video",
     "write_animation",
     "write_correspondences",
+    "write_image",
     "write_markers",
     "write_mesh",
     "write_points",
     "write_rig",
+    "write_video",
     "write_whole",
 ]

@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from blendcap.data import Animation, InputError, Rig, SurfacePoints
+from blendcap.io.images import write_image
 from blendcap.numerics.geodesic import sewn_vertices, surface_distances
 from blendcap.rendering import Light, default_colors, prepare
-from blendcap.view.image import draw_text, write_image
+from blendcap.view.image import draw_text
 from blendcap.view.posing import VIEWS, side_by_side, weights_on
 
 SCALE = np.array([[0.30, 0.66, 0.38], [0.96, 0.84, 0.36], [0.84, 0.20, 0.18]])  # sRGB: none, half, the largest

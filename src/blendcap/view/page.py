@@ -8,7 +8,7 @@ from html import escape
 
 import numpy as np
 
-from blendcap.view.image import png
+from blendcap.io.images import png
 
 STYLE = """
 :root { color-scheme: light dark; --ink: #2b2f37; --soft: #69707c; --line: #d4d8de; --paper: #fdfdfe; --card: #f3f4f6;

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from blendcap.data import Animation, Camera, InputError, Rig
+from blendcap.io.video_write import write_video
 from blendcap.rendering import Surface, default_colors, prepare, project
 from blendcap.rendering.parallel import each_ahead
 from blendcap.view.image import draw_dots, draw_lines, draw_text
 from blendcap.view.posing import VIEWS, side_by_side, weights_on
-from blendcap.view.video import write_video
 
 SKY_RATE = 10.0  # openness to the sky is computed as often a second; it changes slowly and is blended between
 TARGET, FITTED, LINE = (214, 48, 49), (30, 96, 196), (70, 70, 78)

@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from blendcap.data import Rig
+from blendcap.io.images import write_image
 from blendcap.rendering import default_colors, face_camera, prepare
-from blendcap.view.image import draw_text, write_image
+from blendcap.view.image import draw_text
 from blendcap.view.posing import framed_vertices
 
 SIDES = {"front": 0.0, "three-quarter": 0.7, "side": 1.5708}  # yaw, rad

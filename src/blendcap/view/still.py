@@ -9,8 +9,9 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from blendcap.data import Camera, Rig
+from blendcap.io.images import write_image
 from blendcap.rendering import Surface, default_colors, prepare, project, vertex_normals
-from blendcap.view.image import draw_text, write_image
+from blendcap.view.image import draw_text
 from blendcap.view.posing import VIEWS, side_by_side
 from blendcap.view.preview import mark
 
