@@ -104,9 +104,9 @@ def test_the_real_markers_are_found_where_a_person_put_them(data, take):
 
 def test_the_example_table_fits_the_real_cloud(data):
     from blendcap.io import read_correspondences, read_markers, read_rig
-    from blendcap.markers.alignment import align, apply
     from blendcap.markers.cleaning import neutral_frame
     from blendcap.markers.correspondences import resolve
+    from blendcap.numerics.similarity import align, apply
 
     rig = read_rig(data("rigs/ict_face_head.glb"))
     for name in ("Eyebrows", "Jaw"):

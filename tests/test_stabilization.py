@@ -6,8 +6,8 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
 from blendcap.data import InputError, MarkerTake
-from blendcap.markers.alignment import apply
 from blendcap.markers.stabilization import find_stable, stabilize
+from blendcap.numerics.similarity import apply
 
 FRAMES, STILL, LIVELY = 300, 8, 16
 NAMES = [f"still{i}" for i in range(STILL)] + [f"lively{i}" for i in range(LIVELY)]

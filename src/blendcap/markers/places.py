@@ -14,10 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from blendcap.data import InputError, MarkerTake, Rig, SurfacePoints
-from blendcap.markers.alignment import apply
 from blendcap.markers.cleaning import drop_unlabeled, neutral_frame
 from blendcap.markers.neighbors import project_on
 from blendcap.markers.skin import Skin, front_of
+from blendcap.numerics.similarity import apply
 
 log = logging.getLogger(__name__)
 

@@ -15,9 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from blendcap.data import MarkerTake, Rig, SurfacePoints
-from blendcap.markers.alignment import align
 from blendcap.markers.helmet import rigid_columns
 from blendcap.markers.neighbors import project_on
+from blendcap.numerics.similarity import align
 from blendcap.solving.learned import solve_learned
 from blendcap.solving.noise import marker_noise
 from blendcap.solving.paper import solve_paper

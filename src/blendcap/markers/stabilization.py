@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 
 from blendcap.data import InputError, MarkerTake
-from blendcap.markers.alignment import align, align_robust, apply
 from blendcap.markers.cleaning import neutral_frame
+from blendcap.numerics.similarity import align, align_robust, apply
 
 log = logging.getLogger(__name__)
 

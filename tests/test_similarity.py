@@ -6,7 +6,7 @@ from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
 from blendcap.data import InputError
-from blendcap.markers.alignment import align, align_robust, apply
+from blendcap.numerics.similarity import align, align_robust, apply
 
 
 def cloud(count=20, seed=0):
