@@ -27,6 +27,10 @@ def solve(
     rig: Path,
     rom: Path | None = None,
     correspondences: Path | None = None,
+    patches: Path | None = None,
+    patches_offset: float | None = None,
+    influence: float | None = None,
+    curve_error: float | None = None,
     unit: Literal["m", "cm", "mm"] | None = None,
     method: Literal["learned", "paper", "live"] = "learned",
     smoothness: float | None = None,
@@ -56,6 +60,14 @@ def solve(
     correspondences
         A .json that says where each marker sits: {"NoseTip": 4321, "ChinL": "landmarks68/9"}. Found from the shape of
         the marker cloud if not given: check the picture then.
+    patches
+        A .csv of curves by shape names that makeup patches tell, from `blendcap facs predict`: the hybrid solve.
+    patches_offset
+        Seconds by which the video of the patches begins after the take; needed only if they differ in length.
+    influence
+        Largest γ of Eq. 4 in mm²: how much a fully trusted curve counts. Only with --method paper.
+    curve_error
+        Standard deviation of a fully trusted curve: the smaller, the more it counts. Not with --method paper.
     unit
         The unit of the take, if the file does not say it.
     method
@@ -84,18 +96,21 @@ def solve(
     as_json
         Print the answer as JSON.
     """
-    from blendcap.io import read_correspondences, read_markers, read_rig
+    from blendcap.io import read_animation, read_correspondences, read_markers, read_rig
 
     wanted = ((output, ANIMATIONS), ([preview], VIDEOS), ([report], PAGES), ([picture], PICTURES))
     for paths, endings in (*wanted, ([write_places], PLACES)):
         check_outputs(paths, endings)
-    settings = _settings(method, smoothness, beta, coupling, helmet=helmet, head=head, stable=stable)
+    chosen = {"smoothness": smoothness, "beta": beta, "coupling": coupling, "influence": influence}
+    settings = _settings(method, chosen | {"curve_error": curve_error}, helmet=helmet, head=head, stable=stable)
     progress = Progress(quiet=as_json)
     with progress.step("read", "Read the rig and the take"):
         the_rig, the_take = read_rig(rig), read_markers(take, unit=unit)
         motion = None if rom is None else read_markers(rom, unit=unit)
         places = None if correspondences is None else read_correspondences(correspondences)
-    binding, solution = bind_and_solve(the_rig, the_take, places, motion, settings, progress)
+        curves = None if patches is None else read_animation(patches)
+    hybrid = {"patches": curves, "patches_offset": patches_offset}
+    binding, solution = bind_and_solve(the_rig, the_take, places, motion, settings, progress, **hybrid)
     files = write_answers(
         the_rig, solution, binding, progress, output, preview=preview, report=report, picture=picture,
         places=write_places,
@@ -107,12 +122,14 @@ def solve(
         print_lines({k: v for k, v in facts.items() if k != "rms_mm_per_marker"} | {"wrote": [str(f) for f in files]})
 
 
-def bind_and_solve(rig: Rig, take: MarkerTake, places, motion: MarkerTake | None, settings, progress: Progress):
-    """The binding and the solution of a take."""
+def bind_and_solve(
+    rig: Rig, take: MarkerTake, places, motion: MarkerTake | None, settings, progress: Progress, **hybrid
+):
+    """The binding and the solution of a take; `hybrid` is what `solve` takes of makeup patches."""
     with progress.step("bind", "Place the markers on the rig") as tell:
         binding = blendcap.bind(rig, take, places, motion, progress=tell)
     with progress.step("solve", f"Solve {len(take.positions):,} frames") as tell:
-        solution = blendcap.solve(rig, take, binding, settings=settings, progress=tell)
+        solution = blendcap.solve(rig, take, binding, settings=settings, progress=tell, **hybrid)
     return binding, solution
 
 
@@ -184,16 +201,23 @@ def summary(take: MarkerTake, solution: Solution, progress: Progress) -> dict[st
     }
 
 
-def _settings(method: str, smoothness: float | None, beta: float | None, coupling: float | None, **others: Any):
+_METHODS_OF = {
+    "smoothness": ("learned", "live"),
+    "curve_error": ("learned", "live"),
+    "beta": ("paper",),
+    "coupling": ("paper",),
+    "influence": ("paper",),
+}
+
+
+def _settings(method: str, chosen: dict[str, float | None], **others: Any):
     """Only what was asked for; the rest keeps the defaults of SolveSettings."""
     given: dict[str, Any] = {"method": method, **others}
-    for name, value, methods in (
-        ("smoothness", smoothness, ("learned", "live")), ("beta", beta, ("paper",)), ("coupling", coupling, ("paper",)),
-    ):  # fmt: skip
+    for name, value in chosen.items():
         if value is None:
             continue
-        if method not in methods:
-            wanted = " or ".join(methods)
-            raise blendcap.InputError(f"--{name} belongs to --method {wanted}, not to {method}; leave it out.")
+        if method not in _METHODS_OF[name]:
+            option, wanted = name.replace("_", "-"), " or ".join(_METHODS_OF[name])
+            raise blendcap.InputError(f"--{option} belongs to --method {wanted}, not to {method}; leave it out.")
         given[name] = value
     return blendcap.SolveSettings(**given)

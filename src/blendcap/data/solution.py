@@ -56,6 +56,8 @@ class Solution:
         The markers in the rig's space, rest offset and head motion removed, mm.
     fitted : (T, M, 3) float64, optional
         Their places on the posed rig, mm.
+    conflict : (T, N) float64, optional
+        How far each weight is from what the curves of the makeup patches say, by their confidence, weight units.
     settings : {str: str}
         What was asked for and what was learned, to be written beside the answer.
     seconds : {step: float}
@@ -71,6 +73,7 @@ class Solution:
     unseen: Mapping[str, float] = field(default_factory=dict)
     targets: np.ndarray | None = None
     fitted: np.ndarray | None = None
+    conflict: np.ndarray | None = None
     settings: Mapping[str, str] = field(default_factory=dict)
     seconds: Mapping[str, float] = field(default_factory=dict)
 

@@ -7,6 +7,7 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from blendcap.data.names import canonical
 from blendcap.markers.cleaning import drop_spikes, fill_gaps
 from blendcap.markers.helmet import paper_columns, paper_motion, pivot, remove_motion, rigid_columns, rigid_motion
 from blendcap.markers.stabilization import stabilize, stabilize_live
+from blendcap.solving.curves import Curves, curves_for
 from blendcap.solving.learned import solve_learned
 from blendcap.solving.live import solve_live
 from blendcap.solving.noise import VISIBLE, marker_noise, weight_errors
@@ -55,6 +57,8 @@ def solve(
     take: MarkerTake,
     binding: Binding,
     *,
+    patches: Animation | None = None,
+    patches_offset: float | None = None,
     settings: SolveSettings | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Solution:
@@ -67,6 +71,11 @@ def solve(
         Must hold every marker of the binding; others are ignored.
     binding : Binding
         From `bind`.
+    patches : Animation, optional
+        Curves of weights that makeup patches tell, from `classify`, by shape names; `confidence` is how much they
+        count (the hybrid solve: Eq. 4 of the 2016 paper, Eq. 38 of the thesis).
+    patches_offset : float, optional
+        Seconds by which the patches' video begins after the take; needed only if the two differ in length.
     settings : SolveSettings, optional
         Defaults to what we recommend.
     progress : callable
@@ -81,10 +90,13 @@ def solve(
     Raises
     ------
     InputError
-        If a bound marker is not in the take or missing in every frame, or the rig has no shape that can move.
+        If a bound marker is not in the take or missing in every frame, the rig has no shape that can move, or the
+        patches have another length, or speak of a shape that the rig has not.
     """
     settings = settings or SolveSettings()
     _check(rig)
+    times = np.arange(len(take.positions)) / take.rate
+    curves = None if patches is None else curves_for(rig.names, patches, times, patches_offset, rig.name)
     clock = _Clock(progress)
     clock.begin("cleaning")
     cleaned = _cleaned(take, binding, settings)
@@ -98,9 +110,11 @@ def solve(
     known = positions[: math.ceil(WARM_UP * take.rate)] if settings.method == "live" else positions
     noise = _noise(known, settings)
     clock.begin("solving")
-    rows, unknowns, energies, certificate, noise = _solve(rig, rows, take.rate, noise, settings, positions, rest, clock)
+    rows, unknowns, energies, certificate, noise = _solve(
+        rig, rows, take.rate, noise, settings, positions, rest, curves, clock
+    )
     clock.stop()
-    errors = weight_errors(rows, noise)
+    errors = weight_errors(rows, noise, 0.0 if curves is None else curves.precision(settings.curve_error))
     weights, motion = unknowns[:, : rows.shapes], _helmet_motion(unknowns[:, rows.shapes :], settings.helmet)
     residuals = rows.errors(unknowns)
     animation = Animation(
@@ -118,6 +132,7 @@ def solve(
         unseen=_unseen(rig, errors),
         targets=rest + np.where(rows.missing[..., None], np.nan, rows.targets) - _helmet_part(rows, unknowns),
         fitted=rest + rows.predict(unknowns) - _helmet_part(rows, unknowns),
+        conflict=None if curves is None else curves.conflict(weights),
         settings={**settings.as_text(), "noise (mm)": f"{noise:.3f}"},
         seconds=clock.seconds,
     )
@@ -203,11 +218,14 @@ def _noise(positions: np.ndarray, settings: SolveSettings) -> float:
 
 
 def _solve(
-    rig: Rig, rows: MarkerRows, rate: float, noise: float, settings: SolveSettings, positions, rest, clock: _Clock
-) -> tuple[MarkerRows, np.ndarray, dict, Certificate, float]:
+    rig: Rig, rows: MarkerRows, rate: float, noise: float, settings: SolveSettings, positions, rest,
+    curves: Curves | None, clock: _Clock,
+) -> tuple[MarkerRows, np.ndarray, dict, Certificate, float]:  # fmt: skip
     if settings.method == "paper":
-        return rows, *solve_paper(rows, settings.beta, settings.gamma, settings.coupling), noise
-    prior = {"symmetry": settings.symmetry, "smoothness": settings.smoothness}
+        charges = (settings.beta, settings.gamma, settings.coupling)
+        return rows, *solve_paper(rows, *charges, curves=curves, influence=settings.influence), noise
+    prior: dict[str, Any] = {"symmetry": settings.symmetry, "smoothness": settings.smoothness}
+    prior |= {"curves": curves, "curve_error": settings.curve_error}
     if settings.method == "live":
         return rows, *solve_live(rows, rig.mirror, rate, noise, **prior), noise
 

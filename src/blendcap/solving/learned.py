@@ -10,6 +10,7 @@ import numpy as np
 
 from blendcap.data import Certificate
 from blendcap.numerics.boxseq import solve_box_sequence
+from blendcap.solving.curves import CURVE_ERROR, Curves
 from blendcap.solving.noise import HELD, weight_errors
 from blendcap.solving.prior import HELMET_RIDGE, HELMET_STEP, TakePrior, learn_prior, step_weights, symmetric_prior
 from blendcap.solving.rows import MarkerRows
@@ -41,6 +42,8 @@ def solve_learned(
     smoothness: float = 1.0,
     passes: int = 3,
     quick: np.ndarray | None = None,
+    curves: Curves | None = None,
+    curve_error: float = CURVE_ERROR,
     relinearize: Callable[[np.ndarray], np.ndarray] | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> LearnedAnswer:
@@ -49,7 +52,8 @@ def solve_learned(
     Minimises, exactly and for all frames at once,
     `|y_t - B a_t - R u_t|² + s² a_t' C⁻¹ a_t + sum_i s² w_ti / q_i (a_ti - a_(t-1)i)²` with `0 <= a <= 1`,
     where s is the noise, C the covariance of poses, q the variance of steps and w their Student weights;
-    C, q and w are re-estimated between passes.
+    C, q and w are re-estimated between passes. Curves add `s² / e² c_ti (a_ti - ã_ti)²` (Eq. 4, Eq. 38) with their
+    confidence c and standard deviation e.
 
     Parameters
     ----------
@@ -65,6 +69,10 @@ def solve_learned(
         As in SolveSettings.
     quick : (N,) bool, optional
         Shapes that move within a few frames, as eyelids do.
+    curves : Curves, optional
+        What is known of the weights from elsewhere.
+    curve_error : float
+        Standard deviation of a curve that is fully trusted.
     relinearize : callable, optional
         Takes the unknowns (T, N + K) to targets (T, M, 3) with the helmet's rotation made exact.
     progress : callable
@@ -79,32 +87,39 @@ def solve_learned(
         precision = _precision(prior, noise, len(rows.lower))
         coupling = np.full((len(rows.targets), len(rows.lower)), noise**2 / (HELMET_STEP**2 * 60 / rate))
         coupling[:, : rows.shapes] = smoothness * factors * noise**2 / prior.steps
+        strength = (noise / curve_error) ** 2
+        diagonal, pull = (None, 0.0) if curves is None else curves.terms(strength, len(rows.lower))
         unknowns, certificate = solve_box_sequence(
-            rows.gram + precision, rows.linear, coupling, lower=rows.lower, upper=rows.upper,
+            rows.gram + precision, rows.linear + pull, coupling, diagonal=diagonal, lower=rows.lower, upper=rows.upper,
             start=unknowns, rows=rows.rows, missing=rows.missing,
         )  # fmt: skip
         log.info("pass %d: %d Newton steps, KKT %.1e", k + 1, certificate.iterations, certificate.max_kkt)
         if k == passes - 1:
             break
         weights = unknowns[:, : rows.shapes]
-        prior, freedom = learn_prior(start, weights, rows.mean_gram, prior, precision, noise, rate)
+        known = precision if diagonal is None else precision + np.diag(diagonal.mean(0))
+        prior, freedom = learn_prior(start, weights, rows.mean_gram, prior, known, noise, rate)
         noise = max(least, _unexplained(rows, unknowns, freedom))
-        prior = prior.holding(_untold(rows, np.sqrt(noise**2 - least**2), mirror))
+        told = np.zeros(len(mirror)) if curves is None else curves.precision(curve_error)
+        prior = prior.holding(_untold(rows, np.sqrt(noise**2 - least**2), mirror, told))
         factors = step_weights(weights, prior, mirror, quick)
         if relinearize is not None and k == passes - 2:
             rows = rows.with_targets(relinearize(unknowns))
     assert unknowns is not None  # there is at least one pass
     energies = _energies(rows, unknowns, precision, coupling)
+    if curves is not None:
+        energies["curves"] = curves.energy(unknowns[:, : rows.shapes], strength)
     return LearnedAnswer(rows, unknowns, energies, certificate, prior, noise)
 
 
-def _untold(rows: MarkerRows, model_error: float, mirror: np.ndarray) -> np.ndarray:
+def _untold(rows: MarkerRows, model_error: float, mirror: np.ndarray, told: np.ndarray) -> np.ndarray:
     """(N,) bool: shapes that what the rig cannot explain would drive more than the markers do.
 
     White noise averages out and the prior knows how to weigh it; motion that the rig lacks does not, and would be put
-    into any shape that the markers hardly see. A shape whose partner is seen follows its partner.
+    into any shape that the markers hardly see. A shape whose partner is seen follows its partner, and one that curves
+    tell, with the precision `told` (N,), is told.
     """
-    errors = weight_errors(rows, model_error)
+    errors = weight_errors(rows, model_error, told)
     return np.minimum(errors, errors[mirror]) > HELD
 
 

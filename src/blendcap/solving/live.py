@@ -10,6 +10,7 @@ from numba import get_num_threads, set_num_threads
 
 from blendcap.data import Certificate
 from blendcap.numerics.boxls import solve_box
+from blendcap.solving.curves import CURVE_ERROR, Curves
 from blendcap.solving.prior import HELMET_RIDGE, HELMET_STEP, PSEUDO_FRAMES, STEP_FLOOR, TakePrior, symmetric_prior
 from blendcap.solving.rows import MarkerRows
 
@@ -34,15 +35,16 @@ class LiveSolver:
         Frames a second.
     noise : float
         Standard deviation of a marker coordinate, model error included, mm.
-    symmetry, smoothness : float
+    symmetry, smoothness, curve_error : float
         As in SolveSettings.
     """
 
     def __init__(
         self, rows: MarkerRows, mirror: np.ndarray, rate: float, noise: float, *,
-        symmetry: float = 0.97, smoothness: float = 1.0,
+        symmetry: float = 0.97, smoothness: float = 1.0, curve_error: float = CURVE_ERROR,
     ):  # fmt: skip
         self.rows, self.rate, self.noise, self.smoothness = rows, rate, noise, smoothness
+        self.curve_strength = (noise / curve_error) ** 2
         self.start = self.prior = symmetric_prior(mirror, symmetry, rate)
         self.step_floor = STEP_FLOOR**2 * 60 / rate
         self.last: np.ndarray | None = None
@@ -63,18 +65,25 @@ class LiveSolver:
             posterior = np.linalg.inv(predicted + self.quadratic / self.noise**2)
         self.hold = self.smoothness * self.noise**2 / (np.diag(posterior) + walk)
 
-    def step(self, targets: np.ndarray) -> tuple[np.ndarray, Certificate]:
-        """Unknowns (N + K,) of the next frame from marker displacements (M, 3), mm, NaN where missing."""
+    def step(self, targets: np.ndarray, curves: Curves | None = None) -> tuple[np.ndarray, Certificate]:
+        """Unknowns (N + K,) of the next frame from marker displacements (M, 3), mm, NaN where missing.
+
+        `curves` is one frame of what is known of the weights from elsewhere.
+        """
         rows, count = self.rows, self.rows.shapes
         missing = np.any(~np.isfinite(targets), axis=1)
         linear = -np.where(missing[:, None], 0.0, targets).ravel() @ rows.rows.reshape(-1, len(rows.lower))
+        fixed = np.zeros_like(linear)
+        if curves is not None:
+            diagonal, pull = curves.terms(self.curve_strength, len(linear))
+            fixed, linear = diagonal[0], linear + pull[0]
         hold = np.zeros_like(self.hold) if self.last is None else self.hold
         last = np.zeros_like(hold) if self.last is None else self.last
-        answer, certificate = self._solve(linear, hold, last, missing)
+        answer, certificate = self._solve(linear, fixed, hold, last, missing)
         if self.last is not None:
             scaled = (answer[:count] - last[:count]) ** 2 / (0.5 * self.prior.steps)
             hold = hold * np.r_[2 / (1 + scaled), np.ones(len(hold) - count)]
-            answer, certificate = self._solve(linear, hold, last, missing)
+            answer, certificate = self._solve(linear, fixed, hold, last, missing)
             self.steps += (answer[:count] - last[:count]) ** 2
         self.moment += np.outer(answer[:count], answer[:count])
         self.last, self.frames = answer, self.frames + 1
@@ -82,12 +91,12 @@ class LiveSolver:
             self._learn()
         return answer, certificate
 
-    def _solve(self, linear, hold, last, missing):
+    def _solve(self, linear, fixed, hold, last, missing):
         rows = self.rows
         with _one_thread():
             answer, certificate = solve_box(
-                self.quadratic, (linear - hold * last)[None], diagonal=hold[None], lower=rows.lower, upper=rows.upper,
-                rows=rows.rows, missing=missing[None],
+                self.quadratic, (linear - hold * last)[None], diagonal=(hold + fixed)[None], lower=rows.lower,
+                upper=rows.upper, rows=rows.rows, missing=missing[None],
             )  # fmt: skip
         return answer[0], certificate
 
@@ -111,12 +120,15 @@ def _one_thread() -> Iterator[None]:
 
 
 def solve_live(
-    rows: MarkerRows, mirror: np.ndarray, rate: float, noise: float, *, symmetry: float = 0.97, smoothness: float = 1.0
-) -> tuple[np.ndarray, dict[str, np.ndarray], Certificate]:
+    rows: MarkerRows, mirror: np.ndarray, rate: float, noise: float, *,
+    symmetry: float = 0.97, smoothness: float = 1.0, curves: Curves | None = None, curve_error: float = CURVE_ERROR,
+) -> tuple[np.ndarray, dict[str, np.ndarray], Certificate]:  # fmt: skip
     """A whole take through a LiveSolver as if it arrived live: unknowns (T, N + K), energies, certificate."""
-    solver = LiveSolver(rows, mirror, rate, noise, symmetry=symmetry, smoothness=smoothness)
+    options = {"symmetry": symmetry, "smoothness": smoothness, "curve_error": curve_error}
+    solver = LiveSolver(rows, mirror, rate, noise, **options)
     targets = np.where(rows.missing[..., None], np.nan, rows.targets)
-    steps = [solver.step(frame) for frame in targets]
+    frames = [None] * len(targets) if curves is None else curves.frames()
+    steps = [solver.step(frame, known) for frame, known in zip(targets, frames, strict=True)]
     unknowns = np.array([answer for answer, _ in steps])
     residuals = np.concatenate([certificate.residuals for _, certificate in steps])
     certificate = Certificate(
@@ -125,4 +137,7 @@ def solve_live(
         converged=all(c.converged for _, c in steps),
         residuals=residuals,
     )
-    return unknowns, {"markers": np.nansum(rows.errors(unknowns) ** 2, axis=1)}, certificate
+    energies = {"markers": np.nansum(rows.errors(unknowns) ** 2, axis=1)}
+    if curves is not None:
+        energies["curves"] = curves.energy(unknowns[:, : rows.shapes], solver.curve_strength)
+    return unknowns, energies, certificate

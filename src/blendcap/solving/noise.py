@@ -35,7 +35,7 @@ def marker_noise(positions: np.ndarray) -> float:
     return float(_MAD * np.median(np.abs(differences)) / _FOURTH) if differences.size else 0.0
 
 
-def weight_errors(rows: MarkerRows, noise: float) -> np.ndarray:
+def weight_errors(rows: MarkerRows, noise: float, told: np.ndarray | float = 0.0) -> np.ndarray:
     """Standard error of each shape's weight if it alone moved, (N,); infinite if no marker moves with it.
 
     What a rigid motion of the helmet would explain just as well does not count as seen, and a marker counts as often
@@ -46,6 +46,8 @@ def weight_errors(rows: MarkerRows, noise: float) -> np.ndarray:
     rows : MarkerRows
     noise : float
         Of one coordinate, mm.
+    told : (N,), optional
+        Precision, one over variance, of what is known of each weight from elsewhere.
     """
     scaled = rows.rows * np.sqrt(1 - rows.missing.mean(0))[:, None, None]
     columns = scaled.reshape(-1, scaled.shape[2])
@@ -54,4 +56,5 @@ def weight_errors(rows: MarkerRows, noise: float) -> np.ndarray:
         basis, *_ = np.linalg.svd(helmet, full_matrices=False)
         shapes = shapes - basis @ (basis.T @ shapes)
     energy = np.linalg.norm(shapes, axis=0)
-    return np.divide(noise, energy, out=np.full(rows.shapes, np.inf), where=energy > 1e-9)
+    precision = np.where(energy > 1e-9, (energy / max(noise, 1e-12)) ** 2, 0.0) + told
+    return np.divide(1.0, np.sqrt(precision), out=np.full(rows.shapes, np.inf), where=precision > 0)

@@ -7,13 +7,22 @@ import numpy as np
 from blendcap.data import Certificate
 from blendcap.numerics.boxls import solve_box
 from blendcap.numerics.boxseq import solve_box_sequence
+from blendcap.solving.curves import Curves
 from blendcap.solving.rows import MarkerRows
 
 
 def solve_paper(
-    rows: MarkerRows, beta: float, gamma: float, coupling: float = 0.0
+    rows: MarkerRows,
+    beta: float,
+    gamma: float,
+    coupling: float = 0.0,
+    curves: Curves | None = None,
+    influence: float = 4.0,
 ) -> tuple[np.ndarray, dict[str, np.ndarray], Certificate]:
     """Minimise `|B0 + B a - T|² + beta |a|_1 + a' Gamma a` over `0 <= a <= 1` in every frame (Eq. 3).
+
+    With curves, `sum_i gamma_i (a_i - ã_i)²` joins it (Eq. 4, Eq. 38 of the thesis); gamma_i is `influence` where a
+    curve is fully trusted.
 
     Unsigned helmet columns (the thesis' dummy shapes, 4.1.6) are charged by beta as the shapes are; signed ones, which
     the papers do not have, by gamma alone.
@@ -25,6 +34,9 @@ def solve_paper(
         mm².
     coupling : float
         λ of λ |a_t - a_(t-1)|², mm²; 0 solves every frame on its own.
+    curves : Curves, optional
+    influence : float
+        Largest gamma_i, mm².
 
     Returns
     -------
@@ -38,6 +50,9 @@ def solve_paper(
     signed = rows.lower < 0  # |a| is linear only where a has one sign; signed helmet unknowns are not charged
     linear = rows.linear + np.where(signed, 0.0, beta / 2)
     limits = {"lower": rows.lower, "upper": rows.upper, "rows": rows.rows, "missing": rows.missing}
+    if curves is not None:
+        limits["diagonal"], pull = curves.terms(influence, size)
+        linear = linear + pull
     if coupling > 0:
         unknowns, certificate = solve_box_sequence(gram, linear, np.full(size, coupling), **limits)
     else:
@@ -49,4 +64,6 @@ def solve_paper(
         "ridge": gamma * (unknowns**2).sum(1),
         "smoothness": coupling * (steps**2).sum(1),
     }
+    if curves is not None:
+        energies["curves"] = curves.energy(unknowns[:, : rows.shapes], influence)
     return unknowns, energies, certificate

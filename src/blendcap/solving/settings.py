@@ -7,10 +7,12 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from blendcap.data import InputError
+from blendcap.solving.curves import CURVE_ERROR
 
 METHODS = ("learned", "paper", "live")
 HELMETS = ("rigid", "paper", "none")
 MOST_SMOOTH = 1e6
+LEAST_CURVE_ERROR = 1e-3
 HEADS = ("auto", "remove", "keep")
 
 
@@ -49,6 +51,10 @@ class SolveSettings:
         over-fitted.
     symmetry : float
         Correlation of left and right partners before the take is seen (learned, live), 0 to 0.99.
+    influence : float
+        Largest γ of Eq. 4, mm² (paper): how much a fully trusted curve of the makeup patches counts.
+    curve_error : float
+        Standard deviation of a fully trusted curve (learned, live), weight units: the smaller, the more it counts.
     passes : int
         Solves of the whole take (learned); the prior is re-estimated between them.
 
@@ -70,19 +76,25 @@ class SolveSettings:
     noise: float | None = None
     model_error: float = 0.06
     symmetry: float = 0.97
+    influence: float = 4.0
+    curve_error: float = CURVE_ERROR
     passes: int = 3
 
     def __post_init__(self):
         for name, known in (("method", METHODS), ("helmet", HELMETS), ("head", HEADS)):
             if getattr(self, name) not in known:
                 raise InputError(f"The {name} {getattr(self, name)!r} is unknown; choose one of {', '.join(known)}.")
-        for name in ("smoothness", "beta", "gamma", "coupling", "longest_gap", "model_error"):
+        for name in ("smoothness", "beta", "gamma", "coupling", "longest_gap", "model_error", "influence"):
             value = getattr(self, name)
             if not (np.isfinite(value) and value >= 0):
                 raise InputError(f"The setting {name} must be a number that is not negative, but is {value!r}.")
         if self.noise is not None and not (np.isfinite(self.noise) and self.noise > 0):
             raise InputError(
                 f"The noise must be a positive number of mm, but is {self.noise!r}; leave it out if unknown."
+            )
+        if not (np.isfinite(self.curve_error) and self.curve_error >= LEAST_CURVE_ERROR):
+            raise InputError(
+                f"The curve error must be at least {LEAST_CURVE_ERROR:g}, but is {self.curve_error!r}; 0.1 is usual."
             )
         if not 0 <= self.symmetry <= 0.99:
             raise InputError(f"The symmetry must lie between 0 and 0.99, but is {self.symmetry!r}.")

@@ -1,0 +1,124 @@
+"""Curves of weights from elsewhere, such as classified makeup patches, as rows on the weights themselves.
+
+Eq. 4 of Reading Between the Dots (2016), Eq. 38 of the thesis (2017): `sum_i gamma_i (a_i - ã_i)²` joins the objective.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from blendcap.data import Animation, InputError
+from blendcap.data.names import match
+
+CURVE_ERROR = 0.1  # standard deviation of a curve that is fully trusted: 4 mm² (the papers' maximum) at 0.2 mm of noise
+TOLERANCE = 0.1  # seconds by which curves and take may differ in length before somebody must say how they lie
+
+
+@dataclass(frozen=True, eq=False)
+class Curves:
+    """What is known of the weights from elsewhere.
+
+    Parameters
+    ----------
+    targets : (T, N)
+        ã, the weight that the curve says; 0 where it says nothing.
+    confidence : (T, N)
+        0, the markers alone decide, to 1.
+    """
+
+    targets: np.ndarray
+    confidence: np.ndarray
+
+    def terms(self, strength: float, size: int) -> tuple[np.ndarray, np.ndarray]:
+        """Diagonal and linear terms (T, size) in mm² of `gamma (a - ã)²` with `gamma = strength * confidence`."""
+        diagonal = np.zeros((len(self.targets), size))
+        diagonal[:, : self.targets.shape[1]] = strength * self.confidence
+        linear = np.zeros_like(diagonal)
+        linear[:, : self.targets.shape[1]] = -strength * self.confidence * self.targets
+        return diagonal, linear
+
+    def precision(self, error: float) -> np.ndarray:
+        """(N,) one over variance of what is known of each weight, averaged over the take."""
+        return self.confidence.mean(0) / error**2
+
+    def frames(self) -> list[Curves]:
+        """Each frame on its own."""
+        return [Curves(*pair) for pair in zip(self.targets[:, None], self.confidence[:, None], strict=True)]
+
+    def energy(self, weights: np.ndarray, strength: float) -> np.ndarray:
+        """(T,) `sum_i gamma_i (a_i - ã_i)²`, mm²."""
+        return strength * (self.confidence * (weights - self.targets) ** 2).sum(1)
+
+    def conflict(self, weights: np.ndarray) -> np.ndarray:
+        """(T, N) how far the answer is from what the curve says, weight units, by its confidence."""
+        return self.confidence * np.abs(weights - self.targets)
+
+
+def curves_for(
+    names: Sequence[str], curves: Animation, times: np.ndarray, offset: float | None = None, rig: str = "rig"
+) -> Curves:
+    """The curves on a rig's shapes, sampled at the frames of a take.
+
+    Parameters
+    ----------
+    names : (N,) str
+        The rig's shapes.
+    curves : Animation
+        By shape names; `confidence` is how much they count, 1 if not given. NaN says nothing.
+    times : (T,)
+        Of the take's frames, seconds.
+    offset : float, optional
+        Seconds by which the curves begin after the take (negative: before). Outside the curves nothing is said. 0 if
+        both are equally long.
+    rig : str
+        What to call the rig in an error.
+
+    Raises
+    ------
+    InputError
+        If a curve that says something has no shape on the rig, or the curves and the take differ in length and nobody
+        said by how much they are apart, or do not overlap.
+    """
+    own = curves.times - curves.times[0]
+    lengths = own[-1] + 1 / curves.rate, times[-1] - times[0] + 1 / curves.rate
+    if offset is None:
+        if abs(lengths[0] - lengths[1]) > TOLERANCE:
+            raise InputError(
+                f"The curves last {lengths[0]:.2f} s and the take {lengths[1]:.2f} s; say by the offset how many "
+                "seconds after the take the curves begin (0 if together)."
+            )
+        offset = 0.0
+    at = times - times[0] - offset
+    inside = (at >= -0.5 / curves.rate) & (at < own[-1] + (1 - 1e-6) / curves.rate)  # a frame lasts until the next
+    if not inside.any():
+        raise InputError(
+            f"With an offset of {offset:g} s the curves and the take do not overlap; the take lasts {lengths[1]:.2f} s."
+        )
+    trust = np.ones_like(curves.weights) if curves.confidence is None else curves.confidence
+    trust = np.where(np.isnan(curves.weights), 0.0, np.nan_to_num(trust))
+    places = _places(names, curves, trust, rig)
+    targets, confidence = np.zeros((2, len(times), len(names)))
+    for column, shapes in places.items():
+        said, sure = np.nan_to_num(curves.weights[:, column]), trust[:, column]
+        amount = np.interp(at, own, sure) * inside
+        for shape in shapes:
+            confidence[:, shape] = amount
+            targets[:, shape] = np.where(amount > 0, np.clip(np.interp(at, own, said), 0, 1), 0.0)
+    return Curves(targets, confidence)
+
+
+def _places(names: Sequence[str], curves: Animation, trust: np.ndarray, rig: str) -> dict[int, list[int]]:
+    """For each column of the curves the shapes that it speaks of."""
+    table, index = match(curves.names, names), {name: i for i, name in enumerate(names)}
+    places = {}
+    for column, name in enumerate(curves.names):
+        if name in table:
+            places[column] = [index[shape] for shape in table[name]]
+        elif trust[:, column].any():
+            raise InputError(
+                f"The curve {name!r} has no shape on the rig {rig!r}; map it to one of its shapes or leave it out."
+            )
+    return places
