@@ -57,6 +57,17 @@ def indices(values, upper: int, shape: tuple[int, ...], what: str, of_what: str)
     return result
 
 
+def normal_map(values, what: str) -> np.ndarray:
+    """`values` as a normal map (H, W, 3) uint8."""
+    given = np.asarray(values)
+    if given.dtype != np.uint8:
+        raise InputError(f"{what} must hold bytes (uint8, 128 is 0), but is {given.dtype}.")
+    result = array(given, (ANY, ANY, 3), what, dtype=np.uint8)
+    if not result.size:
+        raise InputError(f"{what} has no texels; leave it out instead.")
+    return result
+
+
 def rate(value: float, what: str) -> float:
     """A frame rate in frames a second."""
     try:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -28,6 +28,9 @@ class Mesh:
         Rows of `uv` at the corners of the triangles; needed only where a seam gives a vertex several.
     texture : (H, W, C) uint8, optional
         Colour, row 0 on top.
+    normal_map : (H, W, 3) uint8, optional
+        Normals in tangent space, row 0 on top: x along u, y along v upwards (as OpenGL and glTF have it), z out of the
+        surface; 128 is 0, so (128, 128, 255) is flat.
 
     Raises
     ------
@@ -41,6 +44,7 @@ class Mesh:
     uv: np.ndarray | None = None
     uv_faces: np.ndarray | None = None
     texture: np.ndarray | None = None
+    normal_map: np.ndarray | None = None
 
     def __post_init__(self):
         put = object.__setattr__
@@ -55,6 +59,8 @@ class Mesh:
         if self.texture is not None:
             shape = (checks.ANY, checks.ANY, checks.ANY)
             put(self, "texture", checks.array(self.texture, shape, "The mesh's texture", dtype=np.uint8))
+        if self.normal_map is not None:
+            put(self, "normal_map", checks.normal_map(self.normal_map, "The mesh's normal map"))
 
     def _checked_uv_faces(self) -> np.ndarray | None:
         if self.uv is None:
@@ -73,7 +79,7 @@ class Mesh:
 
     def with_vertices(self, vertices: np.ndarray) -> Mesh:
         """The same mesh with other positions (V, 3), mm."""
-        return Mesh(vertices, self.faces, self.polygons, self.uv, self.uv_faces, self.texture)
+        return replace(self, vertices=vertices)
 
 
 def triangulate(polygons: np.ndarray) -> np.ndarray:

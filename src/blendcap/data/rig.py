@@ -37,6 +37,9 @@ class Rig:
         Vertices of each region of the face.
     contacts : {name: (P, 2) int64}, optional
         Vertex pairs that meet when the lips or lids are closed.
+    normal_maps : {shape name: (H, W, 3) uint8}, optional
+        What a shape at weight 1 adds to the surface's normals: wrinkles (see `Mesh.normal_map` for the form and
+        `rendering.blended_slopes` for the sum). All are as large as each other, and as the mesh's own.
     name : str
         What to call the rig.
 
@@ -55,6 +58,7 @@ class Rig:
     points: Mapping[str, SurfacePoints] = field(default_factory=dict)
     regions: Mapping[str, np.ndarray] = field(default_factory=dict)
     contacts: Mapping[str, np.ndarray] = field(default_factory=dict)
+    normal_maps: Mapping[str, np.ndarray] = field(default_factory=dict)
     name: str = "rig"
 
     def __post_init__(self):
@@ -77,6 +81,21 @@ class Rig:
                               for k, v in self.regions.items()})  # fmt: skip
         put(self, "contacts", {k: checks.indices(v, vertices, pairs, f"The contact {k!r}", "vertex")
                                for k, v in self.contacts.items()})  # fmt: skip
+        put(self, "normal_maps", self._checked_normal_maps())
+
+    def _checked_normal_maps(self) -> dict[str, np.ndarray]:
+        size = None if self.mesh.normal_map is None else self.mesh.normal_map.shape
+        maps = {}
+        for name, values in self.normal_maps.items():
+            self.index(name)
+            maps[name] = checks.normal_map(values, f"The normal map of the shape {name!r}")
+            size = size or maps[name].shape
+            if maps[name].shape != size:
+                raise InputError(
+                    f"The normal map of the shape {name!r} is {maps[name].shape[1]} x {maps[name].shape[0]}, but "
+                    f"another one of the rig is {size[1]} x {size[0]}; bring them all to one size."
+                )
+        return maps
 
     def _checked_bounds(self) -> np.ndarray:
         if self.bounds is None:
@@ -119,8 +138,9 @@ class Rig:
         place = {int(row): i for i, row in enumerate(rows)}
         mirror = np.array([place.get(int(self.mirror[r]), i) for i, r in enumerate(rows)], dtype=np.int64)
         combinations = {k: v for k, v in self.combinations.items() if {k, *v} <= set(names)}
+        normal_maps = {k: v for k, v in self.normal_maps.items() if k in names}
         return replace(self, deltas=self.deltas[rows], names=names, bounds=self.bounds[rows], mirror=mirror,
-                       combinations=combinations)  # fmt: skip
+                       combinations=combinations, normal_maps=normal_maps)  # fmt: skip
 
     def moving_vertices(self, threshold: float = 0.5) -> np.ndarray:
         """Vertices (K,) that any shape moves by more than `threshold` mm at weight 1: the moving face."""

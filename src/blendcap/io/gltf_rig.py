@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -107,7 +108,7 @@ def _with_polygons(mesh: Mesh, notes: dict[str, Any] | None) -> Mesh:
     if not notes or not notes.get("polygons"):
         return mesh
     polygons = fans_to_polygons(mesh.faces, from_run_lengths(notes["polygons"], len(mesh.faces)))
-    return Mesh(mesh.vertices, mesh.faces, polygons, mesh.uv, None if mesh.uv is None else mesh.uv_faces, mesh.texture)
+    return replace(mesh, polygons=polygons)
 
 
 def _track(document: Document, sampler: dict[str, Any]) -> tuple[np.ndarray, np.ndarray]:

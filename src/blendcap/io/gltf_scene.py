@@ -80,11 +80,11 @@ def as_mesh(document: Document, surface: Surface) -> Mesh:
     vertices = 1000.0 * np.concatenate(surface.vertices)
     faces = np.concatenate(surface.faces)
     uv = _joined_uv(surface)
-    texture = None if uv is None else _texture(document, surface.material)
+    pictures = {} if uv is None else _pictures(document, surface.material)
     weld = surface.welds[0] if len(surface.welds) == 1 else None
     if weld is None:
-        return Mesh(vertices, faces, uv=uv, texture=texture)
-    return Mesh(vertices[first_of(weld)], weld[faces], uv=uv, uv_faces=None if uv is None else faces, texture=texture)
+        return Mesh(vertices, faces, uv=uv, **pictures)
+    return Mesh(vertices[first_of(weld)], weld[faces], uv=uv, uv_faces=None if uv is None else faces, **pictures)
 
 
 def first_of(weld: np.ndarray) -> np.ndarray:
@@ -166,14 +166,34 @@ def _joined_uv(surface: Surface) -> np.ndarray | None:
     return np.stack([uv[:, 0], 1.0 - uv[:, 1]], 1)  # glTF counts v downwards
 
 
-def _texture(document: Document, material: Any) -> np.ndarray | None:
-    """The base color picture (H, W, 3) uint8, or None if there is none or its format is unknown."""
+def _pictures(document: Document, material: Any) -> dict[str, np.ndarray | None]:
+    """The pictures of a material as arguments of `Mesh`: base color and normals."""
     if material is None:
+        return {}
+    entry = document.entry("materials", material)
+    color = (entry.get("pbrMetallicRoughness") or {}).get("baseColorTexture")
+    normals = entry.get("normalTexture")
+    normal_map = _picture(document, normals)
+    if normals is not None and normal_map is not None:
+        normal_map = _scaled(normal_map, normals.get("scale", 1.0))
+    return {"texture": _picture(document, color), "normal_map": normal_map}
+
+
+def _scaled(normal_map: np.ndarray, scale: float) -> np.ndarray:
+    """A normal map with x and y scaled, as the specification (5.20) has it."""
+    if scale == 1:
+        return normal_map
+    normals = normal_map.astype(np.float64) / 127.5 - 1
+    normals[..., :2] *= float(scale)
+    normals /= np.maximum(np.linalg.norm(normals, axis=2, keepdims=True), 1e-9)
+    return np.round(128 + 127 * normals).astype(np.uint8)
+
+
+def _picture(document: Document, texture: Any) -> np.ndarray | None:
+    """The picture (H, W, 3) uint8 that a material uses, or None if there is none or its format is unknown."""
+    if texture is None:
         return None
-    shading = document.entry("materials", material).get("pbrMetallicRoughness") or {}
-    if "baseColorTexture" not in shading:
-        return None
-    source = document.entry("textures", shading["baseColorTexture"].get("index")).get("source")
+    source = document.entry("textures", texture.get("index")).get("source")
     if source is None:
         return None
     image = document.entry("images", source)

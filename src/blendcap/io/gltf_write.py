@@ -107,7 +107,7 @@ class _Binary:
 
 
 def _surface(binary: _Binary, mesh: Mesh) -> dict[str, Any]:
-    """The primitive of a mesh, and its picture if it has one."""
+    """The primitive of a mesh, and the pictures that it has: color and normals."""
     weld, faces, uv = _seams(mesh)
     vertices = (mesh.vertices[weld] / 1000.0).astype(np.float32)
     normals = vertex_normals(mesh.vertices, mesh.faces)[weld]
@@ -117,15 +117,21 @@ def _surface(binary: _Binary, mesh: Mesh) -> dict[str, Any]:
     }
     if uv is not None:
         attributes["TEXCOORD_0"] = binary.floats(np.stack([uv[:, 0], 1 - uv[:, 1]], 1), _VERTEX_DATA)
+        if mesh.normal_map is not None:
+            attributes["TANGENT"] = binary.floats(_tangents(mesh.vertices[weld], faces, uv, normals), _VERTEX_DATA)
     if len(weld) != len(mesh.vertices):
         attributes["_VERTEX"] = binary.floats(weld[:, None], _VERTEX_DATA)
     primitive = {"attributes": attributes, "indices": binary.integers(faces), "material": 0}
-    if mesh.texture is None or uv is None:
-        return {"primitive": primitive}
+    pictures = {"color": mesh.texture, "normals": mesh.normal_map} if uv is not None else {}
+    return {"primitive": primitive, "images": {
+        use: binary.view(_png(picture)) for use, picture in pictures.items() if picture is not None
+    }}  # fmt: skip
+
+
+def _png(picture: np.ndarray) -> bytes:
     import cv2
 
-    stored = cv2.imencode(".png", mesh.texture[..., ::-1] if mesh.texture.shape[2] == 3 else mesh.texture)[1]
-    return {"primitive": primitive, "image": binary.view(stored.tobytes())}
+    return cv2.imencode(".png", picture[..., ::-1] if picture.shape[2] == 3 else picture)[1].tobytes()
 
 
 def _document(binary: _Binary, name: str, surface: dict[str, Any]) -> dict[str, Any]:
@@ -138,11 +144,15 @@ def _document(binary: _Binary, name: str, surface: dict[str, Any]) -> dict[str, 
         "meshes": [{"name": name, "primitives": [surface["primitive"]]}],
         "materials": [{"name": "skin", "pbrMetallicRoughness": shading, "doubleSided": True}],
     }
-    if "image" in surface:
+    place = {use: number for number, use in enumerate(surface["images"])}
+    if "color" in place:
         shading["baseColorFactor"] = [1.0, 1.0, 1.0, 1.0]
-        shading["baseColorTexture"] = {"index": 0}
-        gltf["textures"] = [{"source": 0}]
-        gltf["images"] = [{"bufferView": surface["image"], "mimeType": "image/png"}]
+        shading["baseColorTexture"] = {"index": place["color"]}
+    if "normals" in place:
+        gltf["materials"][0]["normalTexture"] = {"index": place["normals"]}
+    if place:
+        gltf["textures"] = [{"source": number} for number in place.values()]
+        gltf["images"] = [{"bufferView": view, "mimeType": "image/png"} for view in surface["images"].values()]
     return gltf
 
 
@@ -216,6 +226,24 @@ def vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
             normals[:, axis] += np.bincount(faces[:, corner], areas[:, axis], len(vertices))
     length = np.linalg.norm(normals, axis=1, keepdims=True)
     return np.where(length > 0, normals / np.where(length > 0, length, 1), [0.0, 0.0, 1.0])
+
+
+def _tangents(vertices: np.ndarray, faces: np.ndarray, uv: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """Unit tangents (W, 4) along u, and -1 where the texture is seen mirrored (glTF 2.0, section 3.7.2.1)."""
+    edges, steps = (rows[faces[:, 1:]] - rows[faces[:, :1]] for rows in (vertices, uv))
+    turned = np.stack([steps[:, 1, 1], -steps[:, 0, 1]], 1)
+    areas = steps[:, 0, 0] * steps[:, 1, 1] - steps[:, 0, 1] * steps[:, 1, 0]
+    along = np.sign(areas)[:, None] * np.einsum("fk,fkd->fd", turned, edges)
+    sums = np.zeros((len(vertices), 4))
+    for corner in range(3):
+        for axis, values in enumerate([*along.T, areas]):
+            sums[:, axis] += np.bincount(faces[:, corner], values, len(vertices))
+    tangents = sums[:, :3] - (sums[:, :3] * normals).sum(1, keepdims=True) * normals
+    length = np.linalg.norm(tangents, axis=1, keepdims=True)
+    beside = np.cross(normals, np.eye(3)[np.abs(normals).argmin(1)])  # where u has no direction, any will do
+    tangents = np.where(length > 1e-12, tangents / np.maximum(length, 1e-12), beside)
+    tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
+    return np.concatenate([tangents, np.where(sums[:, 3:] < 0, -1.0, 1.0)], 1)
 
 
 def _index_type(largest: int) -> tuple[int, str]:

@@ -28,8 +28,11 @@ def read_rig_npz(path: str | os.PathLike) -> Rig:
             arrays.get("uv"),
             arrays.get("uv_faces"),
             arrays.get("texture"),
+            arrays.get("normal_map"),
         )
-        return Rig(mesh, arrays["deltas"], names, **rig_fields(meta, names))
+        wrinkled = arrays.get("wrinkled", ())
+        normal_maps = {str(name): arrays["normal_maps"][row] for row, name in enumerate(wrinkled)}
+        return Rig(mesh, arrays["deltas"], names, normal_maps=normal_maps, **rig_fields(meta, names))
 
 
 def write_rig_npz(path: str | os.PathLike, rig: Rig) -> None:
@@ -44,6 +47,9 @@ def write_rig_npz(path: str | os.PathLike, rig: Rig) -> None:
         uv=mesh.uv,
         uv_faces=mesh.uv_faces,
         texture=mesh.texture,
+        normal_map=mesh.normal_map,
         deltas=rig.deltas,
         names=np.array(rig.names, dtype=np.str_),
+        wrinkled=np.array(list(rig.normal_maps), dtype=np.str_) if rig.normal_maps else None,
+        normal_maps=np.stack(list(rig.normal_maps.values())) if rig.normal_maps else None,
     )

@@ -7,15 +7,17 @@ from functools import lru_cache
 
 import numpy as np
 
-from blendcap.data import Camera, InputError, Mesh
-from blendcap.rendering.appearance import SKIN
+from blendcap.data import Camera, InputError, Mesh, Rig
+from blendcap.rendering.appearance import SKIN, default_colors
 from blendcap.rendering.camera import to_homogeneous
 from blendcap.rendering.color import to_linear
 from blendcap.rendering.light import box, light_camera, openness, shadow_map
 from blendcap.rendering.normals import vertex_normals
 from blendcap.rendering.parallel import each_band
 from blendcap.rendering.rasterize import BAND, fill, line_up
+from blendcap.rendering.relief import FLAT, Relief, relief_of
 from blendcap.rendering.shading import COLOR, NORMAL, POSITION, SKY, WIDTH, Light, shade
+from blendcap.rendering.slopes import blended_slopes
 from blendcap.rendering.texture import NONE, Texture, texture_of
 
 SHADOW_PIXELS = 640
@@ -60,12 +62,15 @@ class Surface:
     table : (V, WIDTH)
         What is interpolated over the triangles: position, normal, color, openness to the sky.
     texture : Texture
+    relief : Relief
+        What bends the normals.
     """
 
     vertices: np.ndarray
     faces: np.ndarray
     table: np.ndarray
     texture: Texture
+    relief: Relief = FLAT
 
     @property
     def sky(self) -> np.ndarray:
@@ -75,7 +80,8 @@ class Surface:
     def posed(self, vertices: np.ndarray, sky: np.ndarray | None = None) -> Surface:
         """The same surface with other vertices (V, 3), mm; their openness to the sky (V,) is found if not given."""
         vertices = np.ascontiguousarray(vertices, dtype=np.float64)
-        return replace(self, vertices=vertices, table=_formed(self.table, vertices, self.faces, sky))
+        table, relief = _formed(self.table, vertices, self.faces, sky), self.relief.posed(vertices, self.faces)
+        return replace(self, vertices=vertices, table=table, relief=relief)
 
     def picture(self, camera: Camera, size: tuple[int, int], *, light: Light | None = None, background=None):
         """Picture (H, W, 3) uint8, sRGB; see `render`."""
@@ -86,7 +92,7 @@ class Surface:
         scene = light.scene(camera, shadow_camera)
         corners = to_homogeneous(self.vertices, _doubled(camera))
         queue = line_up(corners, self.faces, 2 * size[0], 2 * size[1])
-        texture = self.texture.at(corners, self.faces)
+        texture, relief = self.texture.at(corners, self.faces), self.relief.at(corners, self.faces)
         picture = _backdrop(background, size)
 
         def paint(top: int, bottom: int) -> None:
@@ -94,14 +100,19 @@ class Surface:
             face, nearness = np.empty(band, dtype=np.int32), np.empty(band)
             fill(corners, self.faces, *queue, 2 * top, face, nearness)
             part = picture[top:bottom]
-            shade(corners, self.faces, face, nearness, self.table, *texture, scene, shadow, top, part)
+            shade(corners, self.faces, face, nearness, self.table, *texture, *relief, scene, shadow, top, part)
 
         each_band(size[1], BAND // 2, paint)
         return picture
 
 
-def prepare(mesh: Mesh, color: np.ndarray | tuple[float, float, float] | None = None) -> Surface:
-    """The mesh with its normals, colors and ambient occlusion; see `render` for `color`."""
+def prepare(
+    mesh: Mesh, color: np.ndarray | tuple[float, float, float] | None = None, slopes: np.ndarray | None = None
+) -> Surface:
+    """The mesh with its normals, colors and ambient occlusion; see `render` for `color`.
+
+    `slopes` (H, W, 2) bend the normals in place of the mesh's normal map.
+    """
     keep = slice(None)
     if color is not None and np.isnan(color).any():
         hidden = np.broadcast_to(np.isnan(color).any(-1), len(mesh.vertices))
@@ -110,7 +121,23 @@ def prepare(mesh: Mesh, color: np.ndarray | tuple[float, float, float] | None = 
     table = np.empty((len(mesh.vertices), WIDTH))
     table[:, COLOR : COLOR + 3] = to_linear(np.asarray(SKIN if color is None else color, dtype=np.float64))
     texture = NONE if color is not None else texture_of(mesh, keep)
-    return Surface(mesh.vertices, faces, _formed(table, mesh.vertices, faces), texture)
+    return Surface(mesh.vertices, faces, _formed(table, mesh.vertices, faces), texture, relief_of(mesh, keep, slopes))
+
+
+def prepare_rig(rig: Rig) -> Surface:
+    """The neutral of a rig, ready for `shaped`, in its texture or, if it has none, in `default_colors`."""
+    return prepare(rig.mesh, default_colors(rig), blended_slopes(rig, np.zeros(len(rig.names))))
+
+
+def shaped(neutral: Surface, rig: Rig, weights: np.ndarray, sky: np.ndarray | None = None) -> Surface:
+    """The prepared neutral of a rig under weights (N,): its vertices moved, its normal maps blended.
+
+    `sky` is as in `Surface.posed`.
+    """
+    slopes = blended_slopes(rig, weights)
+    if slopes is not None:
+        neutral = replace(neutral, relief=replace(neutral.relief, slopes=slopes))
+    return neutral.posed(rig.pose(weights), sky)
 
 
 def _formed(table: np.ndarray, vertices: np.ndarray, faces: np.ndarray, sky: np.ndarray | None = None) -> np.ndarray:

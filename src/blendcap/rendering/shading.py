@@ -58,7 +58,12 @@ class Light:
 
 
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
-def shade(corners, faces, face, nearness, table, image, uv, uv_faces, scene, shadow, top, out):
+def shade(
+    corners, faces, face, nearness, table,
+    image, uv, uv_faces,
+    slopes, relief_uv, relief_uv_faces, directions, tangent_faces, signs,
+    scene, shadow, top, out,
+):  # fmt: skip
     """Paint a band of a picture over its background, `out` (H, W, 3), sRGB, from a z-buffer of twice the size.
 
     A pixel whose four samples lie on one surface is shaded once, in its middle and on the face nearest to the camera
@@ -88,6 +93,11 @@ def shade(corners, faces, face, nearness, table, image, uv, uv_faces, scene, sha
                         color = _texel(image, s, t)
                     else:
                         color = _mixed3(table, COLOR, faces, f, weights)
+                    if len(tangent_faces) > 0:
+                        s = _mixed(relief_uv, 0, relief_uv_faces, f, weights)
+                        t = _mixed(relief_uv, 1, relief_uv_faces, f, weights)
+                        along = _mixed3(directions, 0, tangent_faces, f, weights)
+                        normal = bent(normal, along, signs[f], _slope(slopes, s, t))
                     sky = _mixed(table, SKY, faces, f, weights)
                     r, g, b = light(point, normal, color, sky, back, scene, shadow)
                 red, green, blue = red + r / samples, green + g / samples, blue + b / samples
@@ -141,12 +151,7 @@ def _mixed3(table, column, faces, f, weights):
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy", forceinline=True)
 def _texel(image, s, t):
     """Bilinear look-up of an image (H, W, 3), sRGB, at texture coordinates with v up; the border goes on."""
-    height, width = image.shape[0], image.shape[1]
-    x = min(max(s * width - 0.5, 0.0), width - 1.0)
-    y = min(max((1 - t) * height - 0.5, 0.0), height - 1.0)
-    left, top = int(x), int(y)
-    right, low = min(left + 1, width - 1), min(top + 1, height - 1)
-    a, b = x - left, y - top
+    left, right, top, low, a, b = _four_texels(image, s, t)
     red, green, blue = 0.0, 0.0, 0.0
     for row, column, part in ((top, left, (1 - a) * (1 - b)), (top, right, a * (1 - b)),
                               (low, left, (1 - a) * b), (low, right, a * b)):  # fmt: skip
@@ -154,6 +159,42 @@ def _texel(image, s, t):
         green += part * LINEAR[image[row, column, 1]]
         blue += part * LINEAR[image[row, column, 2]]
     return red, green, blue
+
+
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy", forceinline=True)
+def _slope(slopes, s, t):
+    """Bilinear look-up of slopes (H, W, 2), as of an image."""
+    left, right, top, low, a, b = _four_texels(slopes, s, t)
+    along, up = 0.0, 0.0
+    for row, column, part in ((top, left, (1 - a) * (1 - b)), (top, right, a * (1 - b)),
+                              (low, left, (1 - a) * b), (low, right, a * b)):  # fmt: skip
+        along += part * slopes[row, column, 0]
+        up += part * slopes[row, column, 1]
+    return along, up
+
+
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy", forceinline=True)
+def _four_texels(image, s, t):
+    """The columns and rows of the texels round a place, and how far it lies between them."""
+    height, width = image.shape[0], image.shape[1]
+    x = min(max(s * width - 0.5, 0.0), width - 1.0)
+    y = min(max((1 - t) * height - 0.5, 0.0), height - 1.0)
+    left, top = int(x), int(y)
+    return left, min(left + 1, width - 1), top, min(top + 1, height - 1), x - left, y - top
+
+
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy", forceinline=True)
+def bent(normal, along, sign, slope):
+    """A normal that leans by slopes along u and v; `along` is the direction of u, `sign` as in `Tangents`."""
+    nx, ny, nz = _unit(normal[0], normal[1], normal[2])
+    off = nx * along[0] + ny * along[1] + nz * along[2]
+    tx, ty, tz = _unit(along[0] - off * nx, along[1] - off * ny, along[2] - off * nz)
+    u, v = slope[0], sign * slope[1]
+    return (
+        nx + u * tx + v * (ny * tz - nz * ty),
+        ny + u * ty + v * (nz * tx - nx * tz),
+        nz + u * tz + v * (nx * ty - ny * tx),
+    )
 
 
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy", forceinline=True)

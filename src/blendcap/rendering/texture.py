@@ -9,6 +9,8 @@ import numpy as np
 from blendcap.data import Mesh
 from blendcap.rendering.color import LINEAR, to_srgb
 
+SMALLEST = 32  # texels, of the shorter side: a texture is not halved further
+
 
 @dataclass(frozen=True, eq=False)
 class Texture:
@@ -27,21 +29,10 @@ class Texture:
     uv_faces: np.ndarray
 
     def at(self, corners: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The level whose texels are about as large as pixels, for the kernels.
-
-        `corners` (V, 3) are homogeneous pixels; one level serves the whole picture, by the median of its triangles.
-        """
+        """The level whose texels are about as large as pixels, for the kernels; see `level_for`."""
         if len(self.levels) == 1:
             return self.levels[0], self.uv, self.uv_faces
-        some = slice(None, None, len(faces) // 2000 + 1)  # enough for a median
-        pixels = corners[:, :2] / np.where(corners[:, 2:] > 0, corners[:, 2:], np.nan)
-        seen, painted = _doubled_areas(pixels, faces[some]), _doubled_areas(self.uv, self.uv_faces[some])
-        front = (seen < 0) & (painted != 0)  # pixels count downwards, so the front turns the other way
-        if not front.any():
-            return self.levels[0], self.uv, self.uv_faces
-        height, width = self.levels[0].shape[:2]
-        texels = np.median(np.abs(painted[front] / seen[front])) * width * height  # on the area of a pixel
-        level = int(np.clip(np.log2(max(texels, 1)) / 2, 0, len(self.levels) - 1))
+        level = level_for(corners, faces, self.uv, self.uv_faces, self.levels[0].shape)
         return self.levels[level], self.uv, self.uv_faces
 
 
@@ -54,9 +45,25 @@ def texture_of(mesh: Mesh, keep) -> Texture:
         return NONE
     image = mesh.texture[:, :, :3] if mesh.texture.shape[2] >= 3 else np.repeat(mesh.texture[:, :, :1], 3, axis=2)
     levels = [np.ascontiguousarray(image)]
-    while min(levels[-1].shape[:2]) >= 64:
+    while min(levels[-1].shape[:2]) >= 2 * SMALLEST:
         levels.append(_halved(levels[-1]))
     return Texture(tuple(levels), mesh.uv, np.ascontiguousarray(mesh.uv_faces[keep]))
+
+
+def level_for(corners: np.ndarray, faces: np.ndarray, uv: np.ndarray, uv_faces: np.ndarray, shape) -> int:
+    """How often to halve a texture of `shape` (H, W, ...) for its texels to be about as large as pixels.
+
+    `corners` (V, 3) are homogeneous pixels; one level serves the whole picture, by the median of its triangles.
+    """
+    some = slice(None, None, len(faces) // 2000 + 1)  # enough for a median
+    pixels = corners[:, :2] / np.where(corners[:, 2:] > 0, corners[:, 2:], np.nan)
+    seen, painted = _doubled_areas(pixels, faces[some]), _doubled_areas(uv, uv_faces[some])
+    front = (seen < 0) & (painted != 0)  # pixels count downwards, so the front turns the other way
+    if not front.any():
+        return 0
+    texels = np.median(np.abs(painted[front] / seen[front])) * shape[0] * shape[1]  # on the area of a pixel
+    most = max(int(np.log2(min(shape[:2]) / SMALLEST)), 0) if min(shape[:2]) >= SMALLEST else 0
+    return int(np.clip(np.log2(max(texels, 1)) / 2, 0, most))
 
 
 def _halved(image: np.ndarray) -> np.ndarray:

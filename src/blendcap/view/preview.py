@@ -10,7 +10,7 @@ import numpy as np
 
 from blendcap.data import Animation, Camera, InputError, Rig
 from blendcap.io.video_write import write_video
-from blendcap.rendering import Surface, default_colors, prepare, project
+from blendcap.rendering import Surface, prepare_rig, project, shaped
 from blendcap.rendering.parallel import each_ahead
 from blendcap.view.image import draw_dots, draw_lines, draw_text
 from blendcap.view.posing import VIEWS, side_by_side, weights_on
@@ -78,7 +78,7 @@ def _frames(rig, animation, size, yaws, targets, fitted, title, progress) -> Ite
 
 def _surfaces(rig: Rig, animation: Animation) -> Iterator[Surface]:
     """The posed face of each frame; its openness to the sky is blended between key frames."""
-    weights, neutral = weights_on(rig, animation), prepare(rig.mesh, default_colors(rig))
+    weights, neutral = weights_on(rig, animation), prepare_rig(rig)
     if not len(weights):
         return
     last, step = len(weights) - 1, max(round(animation.rate / SKY_RATE), 1)
@@ -87,9 +87,9 @@ def _surfaces(rig: Rig, animation: Animation) -> Iterator[Surface]:
         coming = neutral.posed(rig.pose(weights[stop])).sky
         for t in range(start, stop):
             share = (t - start) / (stop - start)
-            yield neutral.posed(rig.pose(weights[t]), (1 - share) * sky + share * coming)
+            yield shaped(neutral, rig, weights[t], (1 - share) * sky + share * coming)
         sky = coming
-    yield neutral.posed(rig.pose(weights[last]), sky)
+    yield shaped(neutral, rig, weights[last], sky)
 
 
 def _caption(picture: np.ndarray, title: str, counter: str) -> None:

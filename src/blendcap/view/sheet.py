@@ -9,7 +9,7 @@ import numpy as np
 
 from blendcap.data import Rig
 from blendcap.io.images import write_image
-from blendcap.rendering import default_colors, face_camera, prepare
+from blendcap.rendering import face_camera, prepare_rig, shaped
 from blendcap.view.image import draw_text
 from blendcap.view.posing import framed_vertices
 
@@ -39,7 +39,7 @@ def contact_sheet(rig: Rig, *, columns: int = 8, cell: int = 200) -> np.ndarray:
 
 
 def _cells(rig: Rig, size: tuple[int, int]) -> Iterator[np.ndarray]:
-    neutral, framed = prepare(rig.mesh, default_colors(rig)), framed_vertices(rig)
+    neutral, framed = prepare_rig(rig), framed_vertices(rig)
     for name, yaw in SIDES.items():
         yield _named(neutral.picture(face_camera(framed, size, yaw), size), name)
     camera = face_camera(framed, size)
@@ -47,7 +47,7 @@ def _cells(rig: Rig, size: tuple[int, int]) -> Iterator[np.ndarray]:
         weights = np.zeros(len(rig.names))
         weights[[rig.index(driver) for driver in rig.combinations.get(name, ())]] = 1
         weights[n] = rig.bounds[n, 1]
-        yield _named(neutral.posed(rig.pose(weights)).picture(camera, size), name)
+        yield _named(shaped(neutral, rig, weights).picture(camera, size), name)
 
 
 def _named(picture: np.ndarray, name: str) -> np.ndarray:

@@ -10,7 +10,7 @@ from scipy.spatial import KDTree
 
 from blendcap.data import Camera, Rig
 from blendcap.io.images import write_image
-from blendcap.rendering import Surface, default_colors, prepare, project, vertex_normals
+from blendcap.rendering import Surface, prepare_rig, project, shaped, vertex_normals
 from blendcap.view.image import draw_text
 from blendcap.view.posing import VIEWS, side_by_side
 from blendcap.view.preview import mark
@@ -54,8 +54,8 @@ def still(
     labels: Sequence[str] | None = None,
 ) -> np.ndarray:
     """The picture (H, W, 3) uint8 that `write_still` writes."""
-    posed = rig.mesh if weights is None else rig.mesh.with_vertices(rig.pose(weights))
-    surface, views = prepare(posed, default_colors(rig)), []
+    neutral, views = prepare_rig(rig), []
+    surface = neutral if weights is None else shaped(neutral, rig, weights)
     for camera, part in side_by_side(rig, size, yaws):
         view = surface.picture(camera, part)
         mark(view, camera, targets, fitted)
