@@ -234,6 +234,8 @@ def _tangents(vertices: np.ndarray, faces: np.ndarray, uv: np.ndarray, normals: 
     turned = np.stack([steps[:, 1, 1], -steps[:, 0, 1]], 1)
     areas = steps[:, 0, 0] * steps[:, 1, 1] - steps[:, 0, 1] * steps[:, 1, 0]
     along = np.sign(areas)[:, None] * np.einsum("fk,fkd->fd", turned, edges)
+    size = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1) / np.maximum(np.linalg.norm(along, axis=1), 1e-12)
+    along *= size[:, None]  # the renderer weighs by area too
     sums = np.zeros((len(vertices), 4))
     for corner in range(3):
         for axis, values in enumerate([*along.T, areas]):
