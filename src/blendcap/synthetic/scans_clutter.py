@@ -7,6 +7,7 @@ import numpy as np
 
 from blendcap.data import Mesh
 from blendcap.rendering import vertex_normals
+from blendcap.synthetic.scans_surface import Closest
 
 BROWS, CHIN, EARS = slice(17, 27), 8, (0, 16)  # of the 68 landmarks
 HAIRLINE = ((-0.75, -0.32), (-0.5, 0.16), (-0.1, 0.22), (0.2, 0.12), (0.5, 0.28), (0.8, 0.50), (1.1, 0.56))
@@ -45,8 +46,9 @@ def _hair(skin: Mesh, landmarks: np.ndarray, rng: np.random.Generator) -> Mesh |
         return None
     used, faces = np.unique(faces, return_inverse=True)
     normals = vertex_normals(skin.vertices, skin.faces)[used]
-    both, faces = igl.upsample(np.hstack([skin.vertices[used], normals]), faces.reshape(-1, 3), 2)
-    places, normals = both[:, :3], both[:, 3:] / np.maximum(np.linalg.norm(both[:, 3:], axis=1, keepdims=True), 1e-9)
+    finer, faces = igl.upsample(np.hstack([skin.vertices[used], normals]), faces.reshape(-1, 3), 2)
+    places, normals = np.split(np.asarray(finer), 2, axis=1)
+    normals = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)
     above = np.clip(_under_hair(places, landmarks), -1, 1)  # the shell dives under the skin at the hairline
     swell = 0.5 + 0.5 * _waves(places, 60.0, rng)
     strands = _waves(places * [1.0, 0.12, 0.35], 7.0, rng) + _waves(places * [1.0, 0.2, 0.3], 3.5, rng)
@@ -70,12 +72,11 @@ def _locks(skin: Mesh, landmarks: np.ndarray, rng: np.random.Generator) -> list[
     roots = np.flatnonzero(front & (skin.vertices[:, 1] > landmarks[BROWS, 1].max()))
     if not len(roots):
         return []
-    tree = igl.AABB()
-    tree.init(skin.vertices, skin.faces)
-    return [_lock(skin, tree, skin.vertices[rng.choice(roots)], rng) for _ in range(LOCKS)]
+    closest = Closest(skin.vertices, skin.faces)
+    return [_lock(closest, skin.vertices[rng.choice(roots)], rng) for _ in range(LOCKS)]
 
 
-def _lock(skin: Mesh, tree: igl.AABB, root: np.ndarray, rng: np.random.Generator) -> Mesh:
+def _lock(closest: Closest, root: np.ndarray, rng: np.random.Generator) -> Mesh:
     """One ribbon, bent over its length and across, that starts above `root` (3,)."""
     length, width = rng.uniform(*LOCK_LENGTH), rng.uniform(*LOCK_WIDTH)
     along = np.linspace(0, 1, 24)
@@ -85,7 +86,7 @@ def _lock(skin: Mesh, tree: igl.AABB, root: np.ndarray, rng: np.random.Generator
     flat = spine[:, None] + (across[:, None] * [1, 0, 0]) * (width / 2 * (1 - 0.8 * along**2))[:, None, None]
     flat = flat.reshape(-1, 3)
     before = flat + np.array([0, 0, 15.0])
-    _, _, on_skin = tree.squared_distance(skin.vertices, skin.faces, before)
+    on_skin = closest(before)[2]
     lift = 1.5 + 3.5 * np.sin(np.pi * np.clip(0.35 + 0.65 * along, 0, 1))[:, None] - 1.2 * across**2
     out = before - on_skin
     out /= np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-9)
@@ -101,9 +102,9 @@ def _collar(skin: Mesh, landmarks: np.ndarray, rng: np.random.Generator) -> Mesh
         return None
     middle = (ring.min(0) + ring.max(0)) / 2
     angle = np.linspace(0, 2 * np.pi, FOLDS, endpoint=False)
-    turns = np.exp(1j * np.subtract.outer(angle, np.arctan2(ring[:, 0] - middle[0], ring[:, 2] - middle[2])))
+    around = np.arctan2(ring[:, 0] - middle[0], ring[:, 2] - middle[2])
     size = np.hypot(ring[:, 0] - middle[0], ring[:, 2] - middle[2])
-    radius = np.where(turns.real > 0.94, size, 0).max(1)  # of the neck in each direction
+    radius = np.where(np.cos(angle[:, None] - around) > 0.94, size, 0).max(1)  # of the neck in each direction
     radius = np.convolve(np.concatenate([radius[-4:], radius, radius[:4]]), np.full(9, 1 / 9), "valid")
     rows = np.linspace(0, len(COLLAR) - 1, 4 * len(COLLAR))
     out, up = (np.interp(rows, np.arange(len(COLLAR)), column) for column in np.transpose(COLLAR))

@@ -21,7 +21,8 @@ def drawable(rig: Rig, posed: Mesh) -> tuple[Mesh, np.ndarray, np.ndarray | None
     """The posed mesh without layers that are clear as glass, the rows of its faces, and colors if it has no texture."""
     colors = default_colors(replace(rig, mesh=Mesh(rig.mesh.vertices, rig.mesh.faces)))
     colors = np.tile(SKIN, (len(posed.vertices), 1)) if colors is None else colors
-    rows = np.flatnonzero(~np.isnan(colors).any(1)[posed.faces].any(1))
+    clear = np.asarray(np.isnan(colors).any(1))
+    rows = np.flatnonzero(~clear[posed.faces].any(1))
     uv_faces = None if posed.uv_faces is None else posed.uv_faces[rows]
     mesh = Mesh(posed.vertices, posed.faces[rows], uv=posed.uv, uv_faces=uv_faces, texture=posed.texture)
     return mesh, rows, colors if posed.texture is None else None

@@ -91,15 +91,27 @@ def resurface(vertices: np.ndarray, faces: np.ndarray, spacing: float, rng: np.r
     drawn, triangles = _tidied(drawn, triangles)
     drawn = _relaxed(drawn, triangles)
     seen = np.unique(np.concatenate([view.face[view.cosine > 0] for view in views]))
-    tree, visible = igl.AABB(), np.ascontiguousarray(faces[seen])
-    tree.init(np.ascontiguousarray(vertices), visible)
-    squared, nearest, closest = tree.squared_distance(vertices, visible, drawn)
+    squared, nearest, closest = Closest(vertices, faces[seen])(drawn)
     triangles = _without_slivers(closest, triangles[(squared < spacing**2)[triangles].all(1)], SHORT * spacing)
     kept, triangles = _tidied(np.arange(len(drawn)), triangles)
     places = seen[nearest[kept]]
     corners = vertices[faces[places]]
     weights = barycentric_of(closest[kept], corners)
     return Resurfaced(np.einsum("vk,vkc->vc", weights, corners), triangles, places, weights)
+
+
+class Closest:
+    """The closest points of a mesh, vertices (V, 3) and faces (F, 3)."""
+
+    def __init__(self, vertices: np.ndarray, faces: np.ndarray):
+        self.mesh = np.ascontiguousarray(vertices, dtype=np.float64), np.ascontiguousarray(faces, dtype=np.int64)
+        self.tree = igl.AABB()
+        self.tree.init(*self.mesh)
+
+    def __call__(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Squared distances (P,), mm², faces (P,) and closest points (P, 3) of points (P, 3)."""
+        squared, face, closest = self.tree.squared_distance(*self.mesh, np.ascontiguousarray(points))
+        return np.asarray(squared), np.asarray(face), np.asarray(closest)
 
 
 def barycentric_of(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
@@ -147,7 +159,7 @@ def _measured(view: _View) -> np.ndarray:
 
 def _grid_around(samples: np.ndarray, step: float, rng: np.random.Generator) -> _Grid:
     """A grid in a random direction that holds the samples (P, 3) and a margin."""
-    axes = step * Rotation.random(random_state=rng).as_matrix()
+    axes = step * Rotation.from_quat(rng.normal(size=4)).as_matrix()
     local = samples @ np.linalg.inv(axes)
     low = np.floor(local.min(0)) - 3 - rng.uniform(size=3)
     shape = tuple(int(n) for n in np.ceil(local.max(0) - low) + 4)
@@ -157,7 +169,8 @@ def _grid_around(samples: np.ndarray, step: float, rng: np.random.Generator) -> 
 def _fused(views: list[_View], samples: np.ndarray, grid: _Grid, reach: float) -> np.ndarray:
     """Signed distances at the nodes of the grid near the samples, positive outside, mm; NaN elsewhere."""
     near = np.zeros(grid.shape, dtype=bool)
-    near[tuple(np.round((samples - grid.origin) @ np.linalg.inv(grid.axes)).astype(np.int32).T)] = True
+    node = np.round((samples - grid.origin) @ np.linalg.inv(grid.axes)).astype(np.int64)
+    near.reshape(-1)[np.ravel_multi_index(tuple(node.T), grid.shape)] = True
     near = binary_dilation(near, np.ones((3, 3, 3), dtype=bool))
     places = np.argwhere(near)
     points = grid.points(places)
@@ -174,7 +187,7 @@ def _fused(views: list[_View], samples: np.ndarray, grid: _Grid, reach: float) -
         total += counts * distance
         weight += counts
     field = np.full(grid.shape, np.nan)
-    field[near] = np.where(weight > 0, total / np.maximum(weight, 1e-30), np.nan)
+    field.reshape(-1)[np.flatnonzero(near)] = np.where(weight > 0, total / np.maximum(weight, 1e-30), np.nan)
     return field
 
 
