@@ -1,0 +1,129 @@
+"""Which action unit a frame shows, and how strongly: trained once on one performer, used on many.
+
+Sections 7.2.2 to 7.2.4 of Reading Between the Dots (2016), 4.1.10 to 4.1.12 of the thesis. `method="svm"` is the
+papers': classes of unit and level, a linear support vector machine, one against one. The default, `"intensity"`, is a
+ridge regression on the units' intensities: it needs no levels, and two units of one region may be there at once.
+
+All of it (principal components, scaling, the machine) is linear in the features, so a trained region is one matrix.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from blendcap.makeup.features import features
+from blendcap.makeup.intensity import LEVELS, Intensity
+from blendcap.makeup.patches import Patches
+from blendcap.makeup.units import Region
+
+METHODS = ("intensity", "svm")
+
+
+@dataclass(frozen=True, eq=False)
+class RegionModel:
+    """What was learned of one region.
+
+    Parameters
+    ----------
+    region : Region
+    weights : (K, D) float32
+    offsets : (K,) float64
+        Scores are `weights @ features + offsets`: a pair of classes each (svm) or a unit each (intensity).
+    classes : (C, 2) int
+        Unit, -1 at rest, and level of each class (svm); empty for "intensity".
+    trust : (2,)
+        Slope and offset of the logistic curve from margin to probability (svm).
+    errors : (U,)
+        Standard deviation of each unit's intensity on repetitions that were left out of the training.
+    scales : (U,) Intensity
+        How the training frames were labeled.
+    scores : {name: float}
+        Accuracies on repetitions that were left out.
+    confusion : (U + 1, U + 1) int
+        Frames by true unit (rows; at rest first) and answered unit, left out of the training.
+    """
+
+    region: Region
+    weights: np.ndarray
+    offsets: np.ndarray
+    classes: np.ndarray
+    trust: np.ndarray
+    errors: np.ndarray
+    scales: tuple[Intensity, ...] = ()
+    scores: Mapping[str, float] = field(default_factory=dict)
+    confusion: np.ndarray = field(default_factory=lambda: np.zeros((0, 0), dtype=int))
+
+    def answer(self, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Intensity (T, U), 0 to 1, of each unit, and how probable it is that the answer is right (T, U)."""
+        values = seen @ self.weights.T + self.offsets
+        if not len(self.classes):
+            return np.clip(values, 0, 1), np.ones_like(values)
+        votes = tally(values, len(self.classes))
+        best = votes.argmax(1)
+        intensity = np.zeros((len(seen), len(self.region.units)))
+        unit, level = self.classes[best].T
+        shown = np.flatnonzero(unit >= 0)
+        intensity[shown, unit[shown]] = level[shown] / (LEVELS - 1)
+        probable = 1 / (1 + np.exp(-(self.trust[0] * margin(votes) + self.trust[1])))
+        return intensity, np.repeat(probable[:, None], intensity.shape[1], axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class PatchClassifier:
+    """A trained classifier of makeup patches.
+
+    Parameters
+    ----------
+    models : sequence of RegionModel
+    neutral : {patch: (h, w) uint8}
+        The training face at rest: other faces are laid over it.
+    method : {"intensity", "svm"}
+    kind : {"gabor", "hog", "edges"}
+    relative : bool
+        Whether the features of a performer's own neutral frame are taken off.
+    """
+
+    models: Sequence[RegionModel]
+    neutral: Mapping[str, np.ndarray]
+    method: str = "intensity"
+    kind: str = "gabor"
+    relative: bool = True
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """The action units that it tells, region by region."""
+        return tuple(unit for model in self.models for unit in model.region.units)
+
+    def __call__(self, patches: Patches) -> tuple[np.ndarray, np.ndarray]:
+        """Intensities (T, U) and probabilities (T, U) of the units in each frame of patches laid over the neutral."""
+        answers = [
+            model.answer(seen_features(patches, model.region, self.kind, self.relative)) for model in self.models
+        ]
+        return tuple(np.concatenate(part, axis=1) for part in zip(*answers, strict=True))  # pyright: ignore
+
+
+def seen_features(patches: Patches, region: Region, kind: str, relative: bool) -> np.ndarray:
+    """Features (T, D) of a region; without those of the first, neutral frame if `relative`."""
+    seen = features(patches.of(region.patches), kind)
+    return seen - seen[:1] if relative else seen
+
+
+def tally(values: np.ndarray, count: int) -> np.ndarray:
+    """Votes (T, C) of machines for pairs of classes, values (T, C (C - 1) / 2); ties go to the surer."""
+    votes = np.zeros((len(values), count))
+    first, second = np.triu_indices(count, 1)
+    soft = np.tanh(values) / (3 * count)
+    for pair, (i, j) in enumerate(zip(first, second, strict=True)):
+        won = values[:, pair] > 0
+        votes[:, i] += won + soft[:, pair]
+        votes[:, j] += ~won - soft[:, pair]
+    return votes
+
+
+def margin(votes: np.ndarray) -> np.ndarray:
+    """How many votes the winner is ahead, (T,)."""
+    best = np.sort(votes, axis=1)
+    return best[:, -1] - best[:, -2]

@@ -1,0 +1,87 @@
+"""From answers frame by frame to curves of weights that a solve may lean on.
+
+Sections 7.2 and 7.2.4 of Reading Between the Dots (2016), 4.1.8 and 4.1.12 of the thesis.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from blendcap.data import Animation, InputError
+from blendcap.makeup.classifier import PatchClassifier
+from blendcap.makeup.patches import Patches, align
+from blendcap.makeup.units import ARKIT_TABLE
+from blendcap.numerics.smoothing import smooth
+
+# Seconds of the smoothing window: the papers' 20 to 30 frames at 60 frames a second. A blink is over in less.
+WINDOWS: Mapping[str, float] = {"svm": 25 / 60, "intensity": 7 / 60}
+INFLUENCE_WINDOW = 15 / 60  # seconds over which the influence rises and falls
+SURE = 0.1  # an intensity that errs by no more than this is fully trusted
+SHOWN = 0.05  # an intensity below is rest
+
+
+def classify(
+    classifier: PatchClassifier,
+    patches: Patches,
+    *,
+    table: Mapping[str, Mapping[str, float]] = ARKIT_TABLE,
+    aligned: bool = True,
+    everywhere: bool = True,
+) -> Animation:
+    """Curves of weights, by shape names, that makeup patches tell.
+
+    Parameters
+    ----------
+    classifier : PatchClassifier
+    patches : Patches
+        Of any performer; the first frame is neutral.
+    table : {unit: {shape: weight at full intensity}}
+        Made once for each rig; ARKit's names if not given.
+    aligned : bool
+        Lay the performer's neutral over that of the training face first, by optical flow.
+    everywhere : bool
+        Let the curves speak at rest too (a lid that is open is as well seen as one that is shut). If not, their
+        influence is zero where no unit is seen, as in the papers, and the markers rule.
+
+    Returns
+    -------
+    Animation
+        `confidence` is the influence, 0 to 1, of each curve.
+
+    Raises
+    ------
+    InputError
+        If the table lacks a unit, or the patches are not those of the classifier.
+    """
+    lacking = [unit for unit in classifier.units if unit not in table]
+    if lacking:
+        raise InputError(
+            f"The table from units to shapes has no entry for {lacking[0]!r}; add it, empty if the rig has no shape."
+        )
+    if aligned:
+        patches = align(patches, classifier.neutral)
+    intensity, probability = classifier(patches)
+    intensity = np.clip(smooth(intensity, patches.rate, WINDOWS[classifier.method]), 0, 1)
+    errors = np.concatenate([model.errors for model in classifier.models])
+    trust = np.minimum(1, (SURE / np.maximum(errors, 1e-6)) ** 2) * probability * patches.sure[:, None]
+    if not everywhere:
+        trust = trust * (intensity > SHOWN)
+    trust = np.clip(smooth(trust, patches.rate, INFLUENCE_WINDOW), 0, 1)
+    names, weights, confidence = _on_shapes(classifier.units, intensity, trust, table)
+    return Animation(weights, names, patches.rate, confidence=confidence, meta={"source": "makeup patches"})
+
+
+def _on_shapes(units, intensity, trust, table) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
+    """Weights and influence (T, N) of shapes: the strongest unit that moves a shape speaks for it."""
+    names = tuple(dict.fromkeys(shape for unit in units for shape in table[unit]))
+    weights, confidence = np.zeros((2, len(intensity), len(names)))
+    for column, name in enumerate(names):
+        moving = [u for u, unit in enumerate(units) if name in table[unit]]
+        said = intensity[:, moving] * [table[units[u]][name] for u in moving]
+        best = said.argmax(1)
+        rows = np.arange(len(said))
+        weights[:, column] = np.clip(said[rows, best], 0, 1)
+        confidence[:, column] = trust[:, moving][rows, best]
+    return names, weights, confidence

@@ -1,0 +1,78 @@
+"""What a classifier sees of a patch: responses of Gabor filters, oriented gradients, or edges.
+
+Section 7.2.2 of Reading Between the Dots (2016), section 4.1.10 of the thesis: 8 filters, 2 scales, 4 orientations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache
+
+import numpy as np
+
+from blendcap.data import InputError
+
+SCALES = ((1.8, 5.0), (3.2, 9.0))  # width of the envelope and wavelength, pixels
+ORIENTATIONS = 4
+KERNEL = 13  # pixels
+ELONGATION = 0.6
+CELL = 2  # pixels of a patch to one of a feature, in both directions
+
+
+@cache
+def gabor_bank() -> tuple[tuple[np.ndarray, np.ndarray], ...]:
+    """Even and odd kernels of the 8 filters; the even ones are blind to a constant."""
+    import cv2
+
+    bank = []
+    for width, wavelength in SCALES:
+        for turn in np.arange(ORIENTATIONS) * np.pi / ORIENTATIONS:
+            even, odd = (
+                cv2.getGaborKernel((KERNEL, KERNEL), width, turn, wavelength, ELONGATION, phase, cv2.CV_32F)
+                for phase in (0.0, np.pi / 2)
+            )
+            bank.append((even - even.mean(), odd))
+    return tuple(bank)
+
+
+def gabor(image: np.ndarray) -> np.ndarray:
+    """Magnitude of the 8 responses (8, h / 2, w / 2) float32 of a patch (h, w) uint8: it hardly feels small shifts."""
+    import cv2
+
+    light = image.astype(np.float32) / 255
+    size = (image.shape[1] // CELL, image.shape[0] // CELL)
+    responses = []
+    for even, odd in gabor_bank():
+        power = cv2.magnitude(cv2.filter2D(light, -1, even), cv2.filter2D(light, -1, odd))
+        responses.append(cv2.resize(power, size, interpolation=cv2.INTER_AREA))
+    return np.stack(responses)
+
+
+def hog(image: np.ndarray) -> np.ndarray:
+    """Histograms of oriented gradients (D,) of a patch (h, w) uint8, cells of 8 pixels (Dalal and Triggs 2005)."""
+    import cv2
+
+    height, width = (8 * (n // 8) for n in image.shape)
+    describe = cv2.HOGDescriptor((width, height), (16, 16), (8, 8), (8, 8), 9)
+    return np.asarray(describe.compute(np.ascontiguousarray(image[:height, :width]))).ravel()
+
+
+def edges(image: np.ndarray) -> np.ndarray:
+    """Strength of the edges (h / 2, w / 2) float32 of a patch (h, w) uint8."""
+    import cv2
+
+    light = cv2.GaussianBlur(image.astype(np.float32) / 255, (0, 0), 1.0)
+    strength = cv2.magnitude(cv2.Sobel(light, -1, 1, 0), cv2.Sobel(light, -1, 0, 1))
+    return cv2.resize(strength, (image.shape[1] // CELL, image.shape[0] // CELL), interpolation=cv2.INTER_AREA)
+
+
+FEATURES: Mapping[str, Callable[[np.ndarray], np.ndarray]] = {"gabor": gabor, "hog": hog, "edges": edges}
+
+
+def features(images: Sequence[np.ndarray], kind: str = "gabor") -> np.ndarray:
+    """Features (T, D) float32 of a region's patches, each (T, h, w) uint8, side by side."""
+    if kind not in FEATURES:
+        raise InputError(f"The features {kind!r} are unknown; choose one of {', '.join(FEATURES)}.")
+    describe = FEATURES[kind]
+    rows = [np.concatenate([describe(image).ravel() for image in frame]) for frame in zip(*images, strict=True)]
+    return np.array(rows, dtype=np.float32)

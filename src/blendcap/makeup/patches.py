@@ -1,0 +1,223 @@
+"""From frames to patches of paint: stabilized, cut out, freed of skin and markers, aligned to the training face."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from blendcap.data import InputError
+from blendcap.makeup.regions import PATCH_SIZE
+from blendcap.makeup.stabilization import Stabilizer
+
+LEAST_PAINT = 0.01  # part of a neutral patch that paint must cover to be paint
+CONTRAST = 1.3  # paint is brighter than skin by this factor at least
+SEARCH = 3  # pixels of blur before patches of two people are laid over each other
+
+
+@dataclass(frozen=True, eq=False)
+class Patches:
+    """The makeup patches of a take.
+
+    Parameters
+    ----------
+    images : {patch: (T, h, w) uint8}
+        Paint white, all else black.
+    rate : float
+        Frames a second.
+    sure : (T,) float64
+        Part of the stabilizing points that were found, the least over the cameras.
+    """
+
+    images: Mapping[str, np.ndarray]
+    rate: float
+    sure: np.ndarray
+
+    def of(self, names: Sequence[str]) -> list[np.ndarray]:
+        """The pictures of these patches; refuses one that is not there."""
+        lacking = [name for name in names if name not in self.images]
+        if lacking:
+            raise InputError(
+                f"The patch {lacking[0]!r} is needed, but there are only {', '.join(self.images)}; cut the "
+                "same patches that the classifier is trained on."
+            )
+        return [self.images[name] for name in names]
+
+    @property
+    def neutral(self) -> dict[str, np.ndarray]:
+        """The first picture of each patch."""
+        return {name: frames[0] for name, frames in self.images.items()}
+
+
+def extract_patches(
+    videos: Sequence[Iterable[np.ndarray]],
+    places: Mapping[str, tuple[int, np.ndarray]],
+    anchors: Sequence[np.ndarray],
+    rate: float,
+    *,
+    dots: Sequence[np.ndarray] | None = None,
+    dot_radius: float = 5.0,
+    threshold: float | None = None,
+) -> Patches:
+    """Cut the patches out of head-camera video.
+
+    Parameters
+    ----------
+    videos : a sequence of frames (H, W) uint8, grey, per camera
+        Read once, a frame at a time. The first frame is neutral.
+    places : {patch: (camera, corners (4, 2))}
+        Where each patch is in the first frame, from `seen_patches`; corners run around the patch.
+    anchors : (K, 2) per camera
+        Pixels, in the first frame, of points that do not move with the face; see `Stabilizer`.
+    rate : float
+        Frames a second.
+    dots : (T, M, 2) per camera, optional
+        Pixels of the markers; a disc there is not paint.
+    dot_radius : float
+        Pixels.
+    threshold : float, optional
+        Brightness, in multiples of the patch's median, from which on a pixel is paint; found from the first frame of
+        each patch if not given.
+
+    Raises
+    ------
+    InputError
+        If there is no frame, the cameras' videos differ in length, or a patch shows no paint.
+    """
+    cutters = [_Cutter(view, places, anchors[view], threshold) for view in range(len(videos))]
+    for t, frames in enumerate(_together(videos)):
+        for view, (cutter, frame) in enumerate(zip(cutters, frames, strict=True)):
+            cutter.cut(frame, None if dots is None else dots[view][t], dot_radius)
+    if not cutters or not cutters[0].sure:
+        raise InputError("The head-camera video has no frame; check the files.")
+    images = {name: np.array(frames) for cutter in cutters for name, frames in cutter.images.items()}
+    return Patches({name: images[name] for name in places}, rate, np.min([c.sure for c in cutters], axis=0))
+
+
+def _together(videos: Sequence[Iterable[np.ndarray]]) -> Iterable[tuple[np.ndarray, ...]]:
+    """The frames of all cameras side by side; refuses those that end before the others."""
+    streams = [iter(video) for video in videos]
+    count = 0
+    while True:
+        frames = [next(stream, None) for stream in streams]
+        over = [frame is None for frame in frames]
+        if all(over):
+            return
+        if any(over):
+            raise InputError(
+                f"Camera {over.index(True)} ends after {count} frames, before the others; give videos of one length."
+            )
+        yield tuple(frame for frame in frames if frame is not None)
+        count += 1
+
+
+class _Cutter:
+    """Cuts the patches of one camera."""
+
+    def __init__(self, view: int, places, anchors: np.ndarray, threshold: float | None):
+        self.corners = {name: corners for name, (camera, corners) in places.items() if camera == view}
+        self.anchors, self.threshold = anchors, threshold
+        self.images: dict[str, list[np.ndarray]] = {name: [] for name in self.corners}
+        self.sure: list[float] = []
+        self.limits: dict[str, float] = {}
+        self.stabilizer: Stabilizer | None = None
+
+    def cut(self, frame: np.ndarray, dots: np.ndarray | None, radius: float) -> None:
+        first = self.stabilizer is None
+        if first:
+            self.stabilizer = Stabilizer(frame, self.anchors)
+        assert self.stabilizer is not None
+        matrix, sure = self.stabilizer.follow(frame)
+        self.sure.append(sure)
+        for name, corners in self.corners.items():
+            warp = patch_warp(corners @ matrix[:, :2].T + matrix[:, 2])
+            patch = cut_out(frame, warp)
+            if first:
+                self.limits[name] = self.threshold or paint_threshold(patch, name)
+            self.images[name].append(paint(patch, self.limits[name], _inside(dots, warp), radius * _zoom(warp)))
+
+
+def patch_warp(corners: np.ndarray) -> np.ndarray:
+    """The homography (3, 3) from pixels of a frame to those of a patch with corners (4, 2)."""
+    import cv2
+
+    width, height = PATCH_SIZE
+    goal = np.array([[0, 0], [width - 1, 0], [width - 1, height - 1], [0, height - 1]], dtype=np.float32)
+    return cv2.getPerspectiveTransform(corners.astype(np.float32), goal)
+
+
+def cut_out(frame: np.ndarray, warp: np.ndarray) -> np.ndarray:
+    """The patch (h, w) uint8 of a frame."""
+    import cv2
+
+    return cv2.warpPerspective(frame, warp, PATCH_SIZE, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+
+
+def paint_threshold(patch: np.ndarray, name: str = "patch") -> float:
+    """The brightness, in multiples of the median, between skin and paint of a neutral patch (Otsu's method)."""
+    import cv2
+
+    level = max(float(np.median(patch)), 1.0)
+    limit, mask = cv2.threshold(patch, 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
+    white = mask > 0
+    plain = LEAST_PAINT < white.mean() < 0.5 and patch[white].mean() > CONTRAST * patch[~white].mean()
+    if not plain:
+        raise InputError(
+            f"No paint is visible in the patch {name!r} of the first frame; check that the frame is neutral and lit, "
+            "or give the brightness from which on a pixel is paint."
+        )
+    return float(limit) / level
+
+
+def paint(patch: np.ndarray, limit: float, dots: np.ndarray | None = None, radius: float = 5.0) -> np.ndarray:
+    """The paint (h, w) uint8, 0 or 255, of a patch; relative to its own median, so that no change of light matters."""
+    import cv2
+
+    white = np.where(patch > limit * max(float(np.median(patch)), 1.0), 255, 0).astype(np.uint8)
+    for x, y in [] if dots is None else dots[np.isfinite(dots).all(1)]:
+        cv2.circle(white, (round(x), round(y)), round(radius), 0, -1)
+    return white
+
+
+def _inside(dots: np.ndarray | None, warp: np.ndarray) -> np.ndarray | None:
+    """Dots (M, 2) in the pixels of the patch, those far outside left out."""
+    if dots is None:
+        return None
+    moved = np.column_stack([dots, np.ones(len(dots))]) @ warp.T
+    with np.errstate(invalid="ignore", divide="ignore"):
+        moved = moved[:, :2] / moved[:, 2:]
+        near = (moved > -20).all(1) & (moved < np.array(PATCH_SIZE) + 20).all(1)
+    return moved[near]
+
+
+def _zoom(warp: np.ndarray) -> float:
+    """Patch pixels per frame pixel, about."""
+    return float(np.sqrt(abs(np.linalg.det(warp[:2, :2] / warp[2, 2]))))
+
+
+def align(patches: Patches, neutral: Mapping[str, np.ndarray]) -> Patches:
+    """The patches laid over the neutral ones of another face: dense flow between the neutrals, applied to every frame.
+
+    Section 7.2.4 of the 2016 paper (there Liu's flow; here dense inverse search, Kroeger et al. 2016,
+    doi:10.1007/978-3-319-46493-0_29).
+
+    Parameters
+    ----------
+    patches : Patches
+        The first frame is neutral.
+    neutral : {patch: (h, w) uint8}
+        Of the training face.
+    """
+    import cv2
+
+    flow = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
+    images = {}
+    for name, frames in patches.images.items():
+        goal, start = (cv2.GaussianBlur(image, (0, 0), SEARCH) for image in (neutral[name], frames[0]))
+        moved = flow.calc(goal, start, None)  # pyright: ignore[reportCallIssue, reportArgumentType]
+        height, width = goal.shape
+        x, y = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
+        table = (x + moved[..., 0], y + moved[..., 1])
+        images[name] = np.stack([cv2.remap(frame, *table, cv2.INTER_LINEAR) for frame in frames])
+    return Patches(images, patches.rate, patches.sure)

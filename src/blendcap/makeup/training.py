@@ -1,0 +1,265 @@
+"""Train a classifier of makeup patches on one performer who shows each action unit four or five times."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from blendcap.data import InputError
+from blendcap.makeup.augmentation import warped
+from blendcap.makeup.classifier import METHODS, PatchClassifier, RegionModel, margin, seen_features, tally
+from blendcap.makeup.intensity import LEVELS, Intensity, measure_intensity
+from blendcap.makeup.lesson import Lesson
+from blendcap.makeup.patches import Patches
+from blendcap.makeup.units import REGIONS, Region
+
+VARIANCE = 0.9  # of the features, that the principal components keep
+RIDGES = (1.0, 10.0, 100.0, 1000.0)
+SOFT = 3.0  # pixels of blur before the modes of variation are sought
+COST = 0.1  # C of the support vector machine
+FOLDS = 5
+
+log = logging.getLogger(__name__)
+
+
+def train_classifier(
+    patches: Patches,
+    lesson: Lesson,
+    *,
+    regions: Sequence[Region] = REGIONS,
+    method: str = "intensity",
+    kind: str = "gabor",
+    relative: bool = True,
+    warps: int = 0,
+    seed: int = 0,
+) -> PatchClassifier:
+    """Train on the patches of one performer.
+
+    Parameters
+    ----------
+    patches : Patches
+        The first frame is neutral.
+    lesson : Lesson
+    regions : sequence of Region
+        Units that the lesson does not show are left out, and regions without a unit.
+    method : {"intensity", "svm"}
+        Ridge regression on intensities, or the papers' classes of unit and level.
+    kind : {"gabor", "hog", "edges"}
+        The features.
+    relative : bool
+        Take the neutral frame's features off.
+    warps : int
+        Randomly warped copies of the training frames that are added, as the papers propose (9, Discussion).
+    seed : int
+
+    Raises
+    ------
+    InputError
+        If the lesson's length is not that of the patches, it shows no unit of any region or one only once, or a name
+        is unknown.
+    """
+    if method not in METHODS:
+        raise InputError(f"The method {method!r} is unknown; choose one of {', '.join(METHODS)}.")
+    frames = len(next(iter(patches.images.values())))
+    if len(lesson.units) != frames:
+        raise InputError(f"The lesson has {len(lesson.units)} frames, but the patches have {frames}; they must match.")
+    shown = set(lesson.units) - {""}
+    models = []
+    for region in regions:
+        units = tuple(unit for unit in region.units if unit in shown)
+        if units:
+            part = Region(region.name, region.patches, units)
+            models.append(_train_region(patches, lesson, part, method, kind, relative, warps, seed))
+            log.info("%s: %s", region.name, models[-1].scores)
+    if not models:
+        raise InputError(f"The lesson shows none of the units of the regions; it shows {', '.join(sorted(shown))}.")
+    return PatchClassifier(models, patches.neutral, method, kind, relative)
+
+
+@dataclass(frozen=True, eq=False)
+class _Data:
+    """What one region is trained on."""
+
+    seen: np.ndarray  # (T, D) features
+    units: np.ndarray  # (T,) int, the unit shown; -1 at rest
+    amounts: np.ndarray  # (T, U) intensities
+    labels: np.ndarray  # (T,) int, 0 at rest, else 1 + unit * (LEVELS - 1) + level - 1
+    folds: np.ndarray  # (T,) int
+
+    def part(self, rows: np.ndarray) -> _Data:
+        return _Data(self.seen[rows], self.units[rows], self.amounts[rows], self.labels[rows], self.folds[rows])
+
+
+def _train_region(patches, lesson: Lesson, region: Region, method, kind, relative, warps, seed) -> RegionModel:
+    scales, units, amounts, labels = _labeled(patches, lesson, region, seed)
+    folds = _folds(lesson)
+    if folds.max() < 1:
+        raise InputError(
+            f"The lesson shows each unit of the region {region.name!r} only once; let the performer repeat it 4 times."
+        )
+    data = _Data(seen_features(patches, region, kind, relative), units, amounts, labels, folds)
+    more = [
+        _Data(seen_features(warped(patches, region, seed + k), region, kind, relative), units, amounts, labels, folds)
+        for k in range(1, warps + 1)
+    ]
+    ridge = _best_ridge(data) if method == "intensity" else 0.0
+    left_out = _left_out(data, more, method, ridge, seed, len(region.units))
+    known = data if not more else _joined([data, *more])
+    weights, offsets, classes = _fit(known, method, ridge, seed)
+    model = RegionModel(region, weights, offsets, classes, np.array([0.0, 5.0]), np.zeros(len(region.units)))
+    return _judged(model, data, left_out, scales)
+
+
+def _labeled(patches: Patches, lesson: Lesson, region: Region, seed: int):
+    """Scales of the units, the unit of each frame, intensities (T, U) and classes (T,) of the training frames."""
+    pictures = np.concatenate([_soft(frames) for frames in patches.of(region.patches)], axis=1)
+    count, scales = len(pictures), []
+    units, labels = np.full(count, -1), np.zeros(count, dtype=int)
+    amounts = np.zeros((count, len(region.units)))
+    for u, unit in enumerate(region.units):
+        own = np.flatnonzero(lesson.units == unit)
+        scale: Intensity = measure_intensity(pictures[own], pictures[0], seed)
+        level = scale.level(pictures[own])
+        amounts[own, u] = scale.amount(pictures[own])
+        labels[own] = np.where(level > 0, u * (LEVELS - 1) + level, 0)
+        units[own] = u
+        scales.append(scale)
+    return tuple(scales), units, amounts, labels
+
+
+def _soft(frames: np.ndarray) -> np.ndarray:
+    """Pictures (T, h * w / 4), blurred: a thin stroke that moves by more than its width still moves along one mode."""
+    import cv2
+
+    size = (frames.shape[2] // 2, frames.shape[1] // 2)
+    soft = [cv2.resize(cv2.GaussianBlur(frame, (0, 0), SOFT), size, interpolation=cv2.INTER_AREA) for frame in frames]
+    return np.stack(soft).reshape(len(frames), -1).astype(np.float32) / 255
+
+
+def _folds(lesson: Lesson) -> np.ndarray:
+    """(T,) which fold a frame is in: the k-th showing of a unit, with the rest after it, is in fold k modulo FOLDS."""
+    folds, seen, fold = np.zeros(len(lesson.units), dtype=int), {}, 0
+    last = None
+    for t, (unit, repetition) in enumerate(zip(lesson.units, lesson.repetitions, strict=True)):
+        if unit and repetition != last:
+            fold = seen.get(unit, 0)
+            seen[unit], last = fold + 1, repetition
+        folds[t] = fold % FOLDS
+    return folds
+
+
+def _fit(data: _Data, method: str, ridge: float, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Weights (K, D), offsets (K,) and classes of a machine on the principal components of the features."""
+    mean, axes, deviations = _components(data.seen)
+    inner = (data.seen - mean) @ axes.T / deviations
+    if method == "svm":
+        from sklearn.svm import SVC
+
+        machine = SVC(kernel="linear", C=COST, decision_function_shape="ovo", random_state=seed)
+        machine.fit(inner, data.labels)
+        # With two classes the machine's one value is positive for the second, not the first.
+        sign = -1 if len(machine.classes_) == 2 else 1
+        slopes, shifts = sign * machine.coef_, sign * machine.intercept_
+        kinds = np.array([(-1, 0) if c == 0 else divmod(c - 1, LEVELS - 1) for c in machine.classes_])
+        classes = kinds + [0, 1] * (kinds[:, :1] >= 0)
+    else:
+        slopes, shifts = _regression(inner, data.amounts, ridge)
+        classes = np.zeros((0, 2), dtype=int)
+    weights = (slopes / deviations) @ axes
+    return weights.astype(np.float32), shifts - weights @ mean, classes
+
+
+def _components(seen: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Mean (D,), principal axes (P, D) that keep `VARIANCE`, and the deviations (P,) along them."""
+    mean = seen.mean(0)
+    centered = seen - mean
+    values, vectors = np.linalg.eigh((centered @ centered.T).astype(np.float64))
+    values, vectors = values[::-1].clip(0), vectors[:, ::-1]
+    count = int(np.searchsorted(np.cumsum(values) / max(values.sum(), 1e-12), VARIANCE)) + 1
+    scale = np.sqrt(np.maximum(values[:count], 1e-12))
+    axes = (vectors[:, :count] / scale).T @ centered
+    return mean.astype(np.float64), axes, scale / np.sqrt(len(seen))
+
+
+def _best_ridge(data: _Data) -> float:
+    """The ridge whose answers on left-out showings err least."""
+    errors = np.zeros(len(RIDGES))
+    for fold in np.unique(data.folds):
+        known, test = (data.part(np.flatnonzero((data.folds == fold) == out)) for out in (False, True))
+        mean, axes, deviations = _components(known.seen)
+        inner, outer = ((part.seen - mean) @ axes.T / deviations for part in (known, test))
+        for k, ridge in enumerate(RIDGES):
+            slopes, center = _regression(inner, known.amounts, ridge)
+            errors[k] += ((np.clip(outer @ slopes.T + center, 0, 1) - test.amounts) ** 2).sum()
+    return RIDGES[int(errors.argmin())]
+
+
+def _regression(inner: np.ndarray, amounts: np.ndarray, ridge: float) -> tuple[np.ndarray, np.ndarray]:
+    """Slopes (U, P) and offsets (U,) of a ridge regression on centered components (T, P)."""
+    center = amounts.mean(0)
+    gram = inner.T @ inner + ridge * np.eye(inner.shape[1])
+    return np.linalg.solve(gram, inner.T @ (amounts - center)).T, center
+
+
+def _left_out(data: _Data, more: list[_Data], method, ridge, seed, units: int) -> tuple[np.ndarray, np.ndarray]:
+    """Intensities (T, U) and margins (T,) of frames whose showings were left out of the training."""
+    intensity, margins = np.zeros((len(data.seen), units)), np.zeros(len(data.seen))
+    for fold in np.unique(data.folds):
+        test = np.flatnonzero(data.folds == fold)
+        known = _joined([d.part(np.flatnonzero(data.folds != fold)) for d in (data, *more)])
+        weights, offsets, classes = _fit(known, method, ridge, seed)
+        model = RegionModel(Region("", (), ("",) * units), weights, offsets, classes, np.zeros(2), np.zeros(units))
+        intensity[test], _ = model.answer(data.seen[test])
+        if len(classes):
+            margins[test] = margin(tally(data.seen[test] @ weights.T + offsets, len(classes)))
+    return intensity, margins
+
+
+def _joined(parts: list[_Data]) -> _Data:
+    return _Data(*(np.concatenate(column) for column in zip(*(vars(part).values() for part in parts), strict=True)))
+
+
+def _judged(model: RegionModel, data: _Data, left_out: tuple[np.ndarray, np.ndarray], scales) -> RegionModel:
+    """The model with what left-out showings say of it: errors, accuracies, confusion, calibration."""
+    intensity, margins = left_out
+    count = len(model.region.units)
+    true, said = recognized(data.amounts), recognized(intensity)
+    clear = is_clear(data.amounts)
+    confusion = np.zeros((count + 1, count + 1), dtype=int)
+    np.add.at(confusion, (true[clear] + 1, said[clear] + 1), 1)
+    levels = np.stack([np.abs(intensity[:, [u]] - scale.centers).argmin(1) for u, scale in enumerate(scales)], 1)
+    rows = np.arange(len(true))
+    answered = np.where(said >= 0, said * (LEVELS - 1) + levels[rows, np.maximum(said, 0)], 0)
+    scores = {
+        "unit": float((true == said)[clear].mean()),
+        "unit, all frames": float((true == said).mean()),
+        "unit and level": float((answered == data.labels).mean()),
+    }
+    errors = np.sqrt(((intensity - data.amounts) ** 2).mean(0))
+    trust = model.trust if not len(model.classes) else _calibrated(margins, answered == data.labels)
+    return replace(model, trust=trust, errors=errors, scales=scales, scores=scores, confusion=confusion)
+
+
+def recognized(amounts: np.ndarray) -> np.ndarray:
+    """(T,) the unit that is strongest, -1 where none reaches a sixth of full intensity (half the way to level 1)."""
+    best = amounts.argmax(1)
+    return np.where(amounts[np.arange(len(amounts)), best] >= 0.5 / (LEVELS - 1), best, -1)
+
+
+def is_clear(amounts: np.ndarray) -> np.ndarray:
+    """(T,) bool: plainly at rest or plainly not; in between even a person could not say."""
+    strongest = amounts.max(1)
+    return (strongest < 0.12) | (strongest > 0.3)
+
+
+def _calibrated(margins: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Slope and offset of the logistic curve from margin to the probability of being right (Platt 1999)."""
+    from sklearn.linear_model import LogisticRegression
+
+    if right.all() or not right.any():
+        return np.array([0.0, 5.0 if right.all() else -5.0])
+    curve = LogisticRegression().fit(margins[:, None], right)
+    return np.array([max(float(curve.coef_[0, 0]), 0.0), float(curve.intercept_[0])])

@@ -1,0 +1,154 @@
+"""Action units from painted strokes: labels, classifiers on one person and on others, curves, refusals."""
+
+import numpy as np
+import pytest
+
+from blendcap.data import InputError
+from blendcap.makeup.augmentation import warped
+from blendcap.makeup.classifier import margin, tally
+from blendcap.makeup.curves import classify
+from blendcap.makeup.features import features, gabor, gabor_bank
+from blendcap.makeup.intensity import measure_intensity
+from blendcap.makeup.lesson import Lesson
+from blendcap.makeup.patches import Patches
+from blendcap.makeup.training import _soft, train_classifier
+from blendcap.makeup.units import Region
+from toy_makeup import REGION, draw, perform
+
+TABLE = {"AU1+2": {"browInnerUp": 1.0}, "AU4": {"browDownLeft": 0.5}, "AU9": {"noseSneerLeft": 1.0}}
+
+
+@pytest.fixture(scope="module")
+def lesson():
+    return perform(repetitions=3)
+
+
+@pytest.fixture(scope="module", params=["intensity", "svm"])
+def trained(request, lesson):
+    patches, shown, _ = lesson
+    return train_classifier(patches, shown, regions=[REGION], method=request.param)
+
+
+def test_gabor_filters_are_blind_to_a_constant_and_see_their_own_direction():
+    assert len(gabor_bank()) == 8
+    assert gabor(np.full((44, 56), 200, dtype=np.uint8))[:, 5:-5, 5:-5].max() < 0.2
+    x = np.arange(56)
+    stripes = np.tile(127 + 120 * np.cos(2 * np.pi * x / 9), (44, 1)).astype(np.uint8)
+    power = gabor(stripes)[:, 8:-8, 8:-8].mean((1, 2))
+    assert power.argmax() == 4  # the wavelength of 9 pixels, across
+    assert gabor(np.ascontiguousarray(stripes[:, ::-1]))[4].mean() == pytest.approx(power[4], rel=0.2)
+
+
+def test_intensity_is_found_without_labels_and_points_away_from_rest():
+    rise = np.concatenate([np.linspace(0, 1, 40), np.linspace(1, 0, 40)])
+    for unit in REGION.units:
+        frames = [draw({unit: a})["forehead" if unit == "AU1+2" else "glabella"] for a in rise]
+        pictures = _soft(np.stack(frames))
+        scale = measure_intensity(pictures, pictures[0])
+        assert np.corrcoef(scale.amount(pictures), rise)[0, 1] > 0.9
+        levels = scale.level(pictures)
+        assert levels[0] == 0 and levels[40] == 3 and set(levels) == {0, 1, 2, 3}
+        assert (np.diff(scale.centers) > 0).all()
+
+
+def test_left_out_showings_are_recognized(trained):
+    (model,) = trained.models
+    assert model.scores["unit"] > 0.97
+    assert model.confusion.shape == (4, 4) and model.confusion.sum() > 200
+    assert np.trace(model.confusion) / model.confusion.sum() == pytest.approx(model.scores["unit"])
+    assert (model.errors < 0.15).all()
+
+
+def test_a_machine_is_linear_in_the_features_and_answers_for_unseen_takes(trained):
+    patches, _, truth = perform(repetitions=2, seed=5)
+    intensity, probability = trained(patches)
+    assert trained.units == REGION.units and intensity.shape == truth.shape
+    clear = truth.max(1) > 0.3
+    assert (intensity.argmax(1) == truth.argmax(1))[clear].mean() > 0.97
+    for u in range(3):
+        assert np.corrcoef(intensity[:, u], truth[:, u])[0, 1] > 0.93
+    assert ((probability >= 0) & (probability <= 1)).all()
+
+
+def test_another_person_is_recognized_once_laid_over_the_first(trained):
+    patches, _, truth = perform(repetitions=2, build=3.0, seed=6)
+    curves = classify(trained, patches, table=TABLE)
+    assert curves.names == ("browInnerUp", "browDownLeft", "noseSneerLeft")
+    scaled = truth * [1.0, 0.5, 1.0]
+    aligned = np.abs(curves.weights - scaled).mean()
+    plain = np.abs(classify(trained, patches, table=TABLE, aligned=False).weights - scaled).mean()
+    assert aligned < 0.05 and aligned < plain + 0.01
+
+
+def test_curves_are_smooth_bounded_and_say_how_sure_they_are(trained):
+    patches, _, _ = perform(repetitions=1, seed=7)
+    halved = Patches(patches.images, patches.rate, np.where(np.arange(len(patches.sure)) < 60, 0.5, 1.0))
+    curves, unsure = classify(trained, patches, table=TABLE), classify(trained, halved, table=TABLE)
+    assert curves.weights.min() >= 0 and curves.weights.max() <= 1
+    np.testing.assert_allclose(unsure.confidence[:40], 0.5 * curves.confidence[:40], atol=1e-9)
+    np.testing.assert_allclose(unsure.confidence[80:], curves.confidence[80:], atol=1e-9)
+    quiet = classify(trained, patches, table=TABLE, everywhere=False)
+    assert quiet.confidence[0].max() < 0.05 < curves.confidence[0].max()
+
+
+def test_two_units_that_move_one_shape_agree_on_the_stronger(trained, lesson):
+    patches, _, truth = lesson
+    both = {"AU1+2": {"lift": 1.0}, "AU4": {"lift": 1.0}, "AU9": {}}
+    curves = classify(trained, patches, table=both)
+    assert curves.names == ("lift",)
+    assert np.corrcoef(curves.weights[:, 0], truth[:, :2].max(1))[0, 1] > 0.93
+
+
+def test_votes_of_pairs_elect_the_class_that_wins_all():
+    values = np.array([[1.0, 2.0, -0.5], [-1.0, -1.0, 0.2]])  # pairs 0-1, 0-2, 1-2
+    votes = tally(values, 3)
+    np.testing.assert_array_equal(votes.argmax(1), [0, 1])
+    assert (margin(votes) > 0).all()
+
+
+def test_features_of_every_kind_follow_their_input():
+    image = draw({})["forehead"]
+    for kind in ("gabor", "hog", "edges"):
+        same = features([np.stack([image, image])], kind)
+        moved = features([np.stack([image, draw({"AU1+2": 1.0})["forehead"]])], kind)
+        np.testing.assert_array_equal(same[0], same[1])
+        assert np.linalg.norm(moved[1] - moved[0]) > 0.1 * np.linalg.norm(moved[0])
+    with pytest.raises(InputError, match="features 'haar' are unknown"):
+        features([image[None]], "haar")
+
+
+def test_warped_copies_differ_a_little_and_are_the_same_for_a_seed(lesson):
+    patches = lesson[0]
+    once, again, other = (warped(patches, REGION, seed).images["forehead"] for seed in (1, 1, 2))
+    np.testing.assert_array_equal(once, again)
+    assert (once != other).any() and 0.001 < (once != patches.images["forehead"]).mean() < 0.3
+    trained = train_classifier(*perform(repetitions=2)[:2], regions=[REGION], method="svm", warps=1)
+    assert trained.models[0].scores["unit"] > 0.9
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"method": "magic"}, "method 'magic' is unknown; choose one of intensity, svm"),
+        ({"regions": [Region("eyes", ("eye_left",), ("AU45",))]}, "shows none of the units of the regions"),
+        ({"regions": [Region("lips", ("lips",), ("AU4",))]}, "The patch 'lips' is needed, but there are only"),
+    ],
+)
+def test_lessons_that_teach_nothing_are_refused(lesson, change, sentence):
+    patches, shown, _ = lesson
+    with pytest.raises(InputError, match=sentence):
+        train_classifier(patches, shown, **{"regions": [REGION], **change})
+
+
+def test_a_lesson_of_another_length_or_of_one_showing_is_refused(lesson):
+    patches, shown, _ = lesson
+    with pytest.raises(InputError, match="The lesson has 10 frames, but the patches have"):
+        train_classifier(patches, Lesson(shown.units[:10], shown.repetitions[:10]), regions=[REGION])
+    once, lone, _ = perform(repetitions=1)
+    with pytest.raises(InputError, match="only once; let the performer repeat it"):
+        train_classifier(once, lone, regions=[REGION])
+
+
+def test_a_unit_without_a_place_in_the_table_is_named(trained, lesson):
+    with pytest.raises(InputError, match="no entry for 'AU9'"):
+        classify(trained, lesson[0], table={"AU1+2": {}, "AU4": {}})
