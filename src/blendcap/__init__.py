@@ -35,6 +35,8 @@ _HOMES = {
     "write_animation": "io",
     # the stage
     "mannequin": "synthetic.mannequin",
+    # modeling
+    "transfer_rig": "modeling.transfer",
     # solving
     "bind": "markers.binding",
     "solve": "markers.solve",
@@ -70,6 +72,7 @@ if TYPE_CHECKING:
     from blendcap.markers.binding import bind as bind
     from blendcap.markers.solve import solve as solve
     from blendcap.metrics import evaluate as evaluate
+    from blendcap.modeling.transfer import transfer_rig as transfer_rig
     from blendcap.numerics.boxls import solve_box as solve_box
     from blendcap.solving.settings import SolveSettings as SolveSettings
     from blendcap.synthetic.mannequin import mannequin as mannequin
