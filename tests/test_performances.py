@@ -131,3 +131,13 @@ def test_an_animation_finds_its_namesakes():
     assert np.array_equal(for_rig(animation, face, table).weights, [[0, 0, 0.9]])
     with pytest.raises(InputError, match="namesake"):
         for_rig(Animation(np.ones((1, 1)), ("frown",), 30), face)
+
+
+def test_correctives_follow_their_drivers():
+    names = ("eyeBlinkLeft", "eyeSquintLeft", "blinkSquintLeft", "jawOpen", "mouthClose")
+    needs = {"blinkSquintLeft": ("eyeBlinkLeft", "eyeSquintLeft"), "mouthClose": ("jawOpen",)}
+    rig = replace(bare_rig(names), combinations=needs)
+    given = Animation(np.array([[0.5, 0.4, 0.9]]), ("eyeBlinkLeft", "eyeSquintLeft", "jawOpen"), 30)
+    assert np.allclose(for_rig(given, rig).weights, [[0.5, 0.4, 0.2, 0.9, 0.0]])
+    driven = Animation(np.array([[0.5, 0.4, 0.7]]), ("eyeBlinkLeft", "eyeSquintLeft", "blinkSquintLeft"), 30)
+    assert np.allclose(for_rig(driven, rig).weights, [[0.5, 0.4, 0.7, 0.0, 0.0]])  # its own curve stays

@@ -125,3 +125,45 @@ def test_correctives_do_not_bend_eyes(rig):
     correctives = performer.rig.deltas[len(rig.names) :]
     assert len(correctives) and correctives.any()
     assert not correctives[:, eyes].any()
+
+
+def test_skin_resists_between_rest_and_full(rig):
+    performer = make_performer(rig, seed=4, resistance=1.0)
+    count = len(rig.names)
+    level = np.linspace(0, 1, 21)
+    felt = performer.expand(np.repeat(level[:, None], count, axis=1))[:, :count]
+    assert (np.diff(felt, axis=0) > 0).all()  # more is always more
+    assert np.array_equal(felt[0], np.zeros(count)) and np.array_equal(felt[-1], np.ones(count))
+    ahead = felt[10] - 0.5
+    assert 0.03 < ahead.mean() < 0.09 and ahead.std() > 0.01 and np.abs(ahead).max() <= 0.25 * 0.8
+    outside = performer.expand(np.full(count, 1.2))[:count]
+    assert np.allclose(outside, 1.2)
+
+
+def test_without_resistance_the_skin_is_linear(rig, performer):
+    weights = np.random.default_rng(0).uniform(size=(5, len(rig.names)))
+    assert np.array_equal(performer.expand(weights)[:, : len(rig.names)], weights)
+    bent = make_performer(rig, seed=4, resistance=1.0)
+    assert np.array_equal(bent.rig.deltas, performer.rig.deltas)  # the same person otherwise
+    assert np.array_equal(make_performer(rig, seed=4, resistance=1.0).resistance, bent.resistance)
+    strong = make_performer(rig, seed=4, resistance=50.0).resistance
+    assert np.abs(strong).max() < 1
+
+
+def test_left_and_right_resist_alike(rig):
+    pair = [rig.index("mouthSmileLeft"), rig.index("mouthSmileRight")]
+    both = np.array([make_performer(rig, seed=s, resistance=0.5).resistance[pair] for s in range(60)])
+    assert np.corrcoef(both.T)[0, 1] > 0.5
+
+
+def test_correctives_follow_the_skin(rig):
+    performer = make_performer(rig, seed=4, resistance=1.0)
+    weights = np.random.default_rng(1).uniform(size=len(rig.names))
+    expanded = performer.expand(weights)
+    felt, correctives = expanded[: len(weights)], expanded[len(weights) :]
+    assert np.allclose(correctives, felt[performer.drivers].prod(1))
+
+
+def test_bad_resistance_is_refused(rig):
+    with pytest.raises(InputError, match="resistance must be 0 or more"):
+        make_performer(rig, seed=0, resistance=-1)

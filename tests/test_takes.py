@@ -192,3 +192,11 @@ def test_a_second_take_keeps_the_markers_where_they_were_glued(performer, points
     _, second = make_take(performer, animation, first.points, seed=2, misplacement=0.0)
     mesh = performer.rig.mesh
     assert np.allclose(second.points.positions(mesh), first.points.positions(mesh))
+
+
+def test_a_take_of_resisting_skin_keeps_what_was_meant(rig, points, animation):
+    stiff = make_performer(rig, seed=3, resistance=1.0)
+    take, truth = make_take(stiff, animation, points, seed=0, neutral_frames=0, **PERFECT)
+    assert np.array_equal(truth.animation.weights, animation.weights)
+    assert np.allclose(take.positions, stiff.sample(points, animation.weights))
+    assert np.allclose(take.positions[7], points.matrix(rig.mesh) @ truth.vertices(7), atol=1e-4)

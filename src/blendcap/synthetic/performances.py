@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
@@ -40,10 +41,10 @@ def range_of_motion(rig: Rig, rate: float = 60.0) -> Animation:
     cues, start = [], 0.3
     for unit in _units(rig):
         for level, members in unit:
-            needed = {need for name in members for need in _needs(rig, name)}
+            needed = {need for name in members for need in needs(rig, name)}
             cues += [(name, start, start + 2 * RAMP + HOLD, level) for name in (*members, *sorted(needed))]
             start += RAMP + HOLD  # the next rises while this one falls
-    return _play(cues, rig.names, rate, start + RAMP + 0.3)
+    return play(cues, rig.names, rate, start + RAMP + 0.3)
 
 
 def speech(rig: Rig, rate: float = 60.0, seconds: float = 10.0, seed: int = 0) -> Animation:
@@ -53,9 +54,9 @@ def speech(rig: Rig, rate: float = 60.0, seconds: float = 10.0, seed: int = 0) -
     close in 0.10 to 0.15 s and open slower, and one side that is always a little stronger than the other.
     """
     rng = np.random.default_rng(seed)
-    cues = _talk(seconds, rng) + _blinks(seconds, rng) + _glances(seconds, rng)
-    played = _play(cues, ARKIT52, rate, seconds)
-    return for_rig(Animation(_uneven(played, rng), ARKIT52, rate), rig)
+    cues = _talk(seconds, rng) + steady(seconds, rng)
+    played = play(cues, ARKIT52, rate, seconds)
+    return for_rig(Animation(uneven(played, rng), ARKIT52, rate), rig)
 
 
 def for_rig(animation: Animation, rig: Rig, table: Mapping[str, Sequence[str]] | None = None) -> Animation:
@@ -68,7 +69,7 @@ def for_rig(animation: Animation, rig: Rig, table: Mapping[str, Sequence[str]] |
     table : {shape of the animation: shapes of the rig}, optional
         Which shapes mean the same; by their names if not given (eyeBlinkLeft is eyeBlink_L, and browInnerUp is both
         browInnerUp_L and browInnerUp_R). A shape that is not in the table is left out; one of the rig that nothing
-        drives stays 0.
+        drives stays 0, but for correctives, which follow their drivers.
     """
     table = match(animation.names, rig.names) if table is None else table
     weights = np.zeros((len(animation.weights), len(rig.names)))
@@ -79,7 +80,29 @@ def for_rig(animation: Animation, rig: Rig, table: Mapping[str, Sequence[str]] |
     if not table:
         raise InputError(f"No shape of the animation has a namesake on the rig {rig.name!r}; give a table of names.")
     weights = np.clip(weights, *rig.bounds.T)
-    return Animation(weights, rig.names, animation.rate, animation.head, times=animation.times, meta=animation.meta)
+    named = Animation(weights, rig.names, animation.rate, animation.head, times=animation.times, meta=animation.meta)
+    return with_correctives(named, rig)
+
+
+def with_correctives(animation: Animation, rig: Rig) -> Animation:
+    """The animation with each corrective that it leaves at 0 at the product of its drivers.
+
+    A corrective is a shape of `rig.combinations` with two drivers or more; one driver only says what a shape needs.
+    """
+    weights = animation.weights.copy()
+    place = {name: i for i, name in enumerate(animation.names)}
+    for name, drivers in rig.combinations.items():
+        if len(drivers) > 1 and {name, *drivers} <= set(place) and not weights[:, place[name]].any():
+            weights[:, place[name]] = animation.weights[:, [place[d] for d in drivers]].prod(1)
+    return replace(animation, weights=weights)
+
+
+def needs(rig: Rig, name: str) -> tuple[str, ...]:
+    """The shapes without which a shape makes no sense."""
+    if name in rig.combinations:
+        return tuple(rig.combinations[name])
+    wanted = NEEDS.get(canonical(name), ())
+    return tuple(n for n in rig.names if canonical(n) in wanted)
 
 
 def _units(rig: Rig) -> list[list[tuple[float, tuple[str, ...]]]]:
@@ -117,15 +140,11 @@ def _undo(rig: Rig, index: int) -> bool:
     return float(one @ two) > 0.5 * float(np.linalg.norm(one) * np.linalg.norm(two))
 
 
-def _needs(rig: Rig, name: str) -> tuple[str, ...]:
-    if name in rig.combinations:
-        return tuple(rig.combinations[name])
-    wanted = NEEDS.get(canonical(name), ())
-    return tuple(n for n in rig.names if canonical(n) in wanted)
+def play(cues, names: Sequence[str], rate: float, seconds: float) -> Animation:
+    """Cues (name, start, end, level[, attack, release]), times in seconds, as an animation of that length.
 
-
-def _play(cues, names: Sequence[str], rate: float, seconds: float) -> Animation:
-    """Cues (name, start, end, level[, attack, release]) as minimum-jerk rises and falls; they join smoothly."""
+    They rise and fall with the least jerk, and join smoothly where they overlap.
+    """
     count = max(1, round(seconds * rate))
     room = np.ones((count, len(names)))  # what each cue leaves up to 1
     place = {name: i for i, name in enumerate(names)}
@@ -160,7 +179,7 @@ def _talk(seconds: float, rng: np.random.Generator) -> list[tuple]:
         if rng.random() < 0.4:  # a phrase with a smile
             ramps = (0.35, 0.5)
             for name, share in (("mouthSmile", 1.0), ("cheekSquint", 0.5), ("eyeSquint", 0.3)):
-                cues += _both(f"{name}*", begin, now + 0.5, share * rng.uniform(0.2, 0.45), *ramps)
+                cues += both(f"{name}*", begin, now + 0.5, share * rng.uniform(0.2, 0.45), *ramps)
         now += rng.uniform(0.35, 0.9)
     return cues
 
@@ -169,11 +188,11 @@ def _sound(table, start: float, length: float, strength: float, rng: np.random.G
     mouth = table[rng.integers(len(table))][1]
     ramp = 0.48 * length
     return [
-        cue for name, level in mouth.items() for cue in _both(name, start, start + length, strength * level, ramp, ramp)
+        cue for name, level in mouth.items() for cue in both(name, start, start + length, strength * level, ramp, ramp)
     ]
 
 
-def _both(name: str, *cue: float) -> list[tuple]:
+def both(name: str, *cue: float) -> list[tuple]:
     """A cue for one shape, or for its left and its right if the name ends in *."""
     return [(name, *cue)] if not name.endswith("*") else [(name[:-1] + side, *cue) for side in ("Left", "Right")]
 
@@ -181,13 +200,16 @@ def _both(name: str, *cue: float) -> list[tuple]:
 def _accent(start: float, rng: np.random.Generator) -> list[tuple]:
     end, level = start + rng.uniform(0.45, 0.9), rng.uniform(0.3, 0.75)
     if rng.random() < 0.3:
-        return _both("browDown*", start, end, level, 0.15, 0.3) + _both(
-            "noseSneer*", start, end, 0.3 * level, 0.15, 0.3
-        )
-    cues = _both("browOuterUp*", start, end, 0.8 * level, 0.15, 0.3) + _both(
+        return both("browDown*", start, end, level, 0.15, 0.3) + both("noseSneer*", start, end, 0.3 * level, 0.15, 0.3)
+    cues = both("browOuterUp*", start, end, 0.8 * level, 0.15, 0.3) + both(
         "eyeWide*", start, end, 0.3 * level, 0.15, 0.3
     )
     return [("browInnerUp", start, end, level, 0.15, 0.3), *cues]
+
+
+def steady(seconds: float, rng: np.random.Generator) -> list[tuple]:
+    """Cues of what a face never stops doing: blinks and glances."""
+    return _blinks(seconds, rng) + _glances(seconds, rng)
 
 
 def _blinks(seconds: float, rng: np.random.Generator) -> list[tuple]:
@@ -214,12 +236,12 @@ def _glances(seconds: float, rng: np.random.Generator) -> list[tuple]:
         ramps = (0.05, 0.05)
         cues.append((f"eyeLookOut{sides[0]}", now, end, min(abs(across), 0.7), *ramps))
         cues.append((f"eyeLookIn{sides[1]}", now, end, min(abs(across), 0.7), *ramps))
-        cues += _both("eyeLookUp*" if up > 0 else "eyeLookDown*", now, end, min(abs(up), 0.6), *ramps)
+        cues += both("eyeLookUp*" if up > 0 else "eyeLookDown*", now, end, min(abs(up), 0.6), *ramps)
         now = end + rng.uniform(0.3, 1.5)
     return cues
 
 
-def _uneven(played: Animation, rng: np.random.Generator) -> np.ndarray:
+def uneven(played: Animation, rng: np.random.Generator) -> np.ndarray:
     """Weights with one side a little stronger and a slow drift of it; blinks and glances stay together."""
     weights = played.weights.copy()
     for i, name in enumerate(played.names):

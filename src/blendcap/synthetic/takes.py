@@ -30,7 +30,7 @@ class Truth:
     Parameters
     ----------
     animation : Animation
-        The performer's weights (T, N), without correctives; `head` holds the head motion.
+        The performer's weights (T, N) as meant, without correctives; `head` holds the head motion.
     points : SurfacePoints
         Where the markers really sit on `performer.rig`.
     slip : (T, 6) float64
@@ -130,25 +130,25 @@ def make_take(
         that eases into the first pose; 0 adds neither. The truth holds these frames too.
     """
     rng = np.random.default_rng(seed)
-    played = performer.act(_with_neutral(animation, neutral_frames))
-    count = len(played.weights)
-    drift = partial(_drift, count, played.rate, still=neutral_frames)
+    meant = performer.meant(_with_neutral(animation, neutral_frames))
+    count = len(meant.weights)
+    drift = partial(_drift, count, meant.rate, still=neutral_frames)
     if head is not None:
         pivot = performer.rig.mesh.vertices.mean(0)
-        played = replace(played, head=_matrices(drift(rng, head, period=4.0, bumps=0.0), pivot))
+        meant = replace(meant, head=_matrices(drift(rng, head, period=4.0, bumps=0.0), pivot))
     true_points = misplace(points, performer.rig, misplacement, rng)
     rest, deltas = performer.rig.sample(true_points)
-    positions = rest + np.tensordot(played.weights, deltas, axes=1)
+    positions = rest + np.tensordot(performer.expand(meant.weights), deltas, axes=1)
     pivot = rest.mean(0)
-    helmet = drift(rng, slip, period=20.0, bumps=count / played.rate / 12)
+    helmet = drift(rng, slip, period=20.0, bumps=count / meant.rate / 12)
     positions = _apply(_matrices(helmet, pivot), positions)
-    if played.head is not None:
-        positions = _apply(played.head, positions)
+    if meant.head is not None:
+        positions = _apply(meant.head, positions)
     missing = _gaps(count, len(points.names), occlusion, neutral_frames, rng)
     seen = positions + rng.normal(scale=noise, size=positions.shape)
     seen[missing] = np.nan
-    truth = Truth(played.select(performer.names), true_points, helmet, pivot, positions, missing, performer)
-    return MarkerTake(seen, points.names, played.rate), truth
+    truth = Truth(meant, true_points, helmet, pivot, positions, missing, performer)
+    return MarkerTake(seen, points.names, meant.rate), truth
 
 
 def _skin(rig: Rig, faces: np.ndarray) -> np.ndarray:
