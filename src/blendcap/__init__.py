@@ -36,6 +36,7 @@ _HOMES = {
     # the stage
     "mannequin": "synthetic.mannequin",
     # modeling
+    "register": "modeling.registration",
     "transfer_rig": "modeling.transfer",
     # solving
     "bind": "markers.binding",
@@ -72,6 +73,7 @@ if TYPE_CHECKING:
     from blendcap.markers.binding import bind as bind
     from blendcap.markers.solve import solve as solve
     from blendcap.metrics import evaluate as evaluate
+    from blendcap.modeling.registration import register as register
     from blendcap.modeling.transfer import transfer_rig as transfer_rig
     from blendcap.numerics.boxls import solve_box as solve_box
     from blendcap.solving.settings import SolveSettings as SolveSettings

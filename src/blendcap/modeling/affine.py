@@ -1,0 +1,121 @@
+"""An affine map at every vertex, stiff along the edges: the unknown of non-rigid ICP and its normal equations."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from scipy import sparse
+
+from blendcap.numerics.leastsq import Backend, Factor, Term, assemble, energies, factorize
+
+HELD = 1e-9  # weight of a vertex without a match: too little to pull, enough that no part is loose
+
+
+class AffineField:
+    """Eq. 7 of the thesis for one template: `|alpha (M x G) X|² + |W (D X - U)|² + |beta (D_L X - U_L)|²`, G = 1.
+
+    X (4 n, 3) stacks the transposed affine maps; the matrix has one pattern, so that its analysis is made once.
+
+    Parameters
+    ----------
+    vertices : (n, 3) float64
+        The template, centred and scaled to a size of about 1: alpha is relative to that.
+    edges : (E, 2) int64
+    edge_weights : (E,) float64
+        Of the squared differences of neighbouring maps.
+    landmarks : (L, n) sparse
+        Takes values at vertices to the landmarks; no rows if there are none.
+    backend : str
+        Of `numerics.leastsq`.
+    """
+
+    def __init__(self, vertices, edges, edge_weights, landmarks: Any, backend: Backend = "auto"):
+        count = len(vertices)
+        homogeneous = np.column_stack([vertices, np.ones(count)])
+        place = sparse.csr_matrix(
+            (homogeneous.ravel(), np.arange(4 * count), np.arange(0, 4 * count + 1, 4)), shape=(count, 4 * count)
+        )
+        rows = np.repeat(np.arange(len(edges)), 2)
+        incidence = sparse.csr_matrix((np.tile([-1.0, 1.0], len(edges)), (rows, edges.ravel())), (len(edges), count))
+        self._place, self._held = place, sparse.csr_matrix(landmarks @ place)
+        self._stiff = Term("stiffness", sparse.kron(incidence, sparse.eye(4), "csr"),
+                           np.zeros((4 * len(edges), 3)), np.repeat(edge_weights, 4))  # fmt: skip
+        self._squares = homogeneous[:, :, None] * homogeneous[:, None, :]
+        self._backend: Backend = backend
+        self._factor: Factor | None = None
+        self._lay_out()
+
+    def _lay_out(self) -> None:
+        """The one pattern of the matrix, and where in it the stiffness, the landmarks and each vertex's block stand."""
+        stiff, _ = assemble([self._stiff])
+        held = sparse.csc_matrix(self._held.T @ self._held)
+        corner = 4 * np.arange(len(self._squares))[:, None, None]
+        down, right = (np.broadcast_to(corner + i, self._squares.shape).ravel() for i in np.ogrid[:4, :4])
+        blocks = sparse.csc_matrix((np.ones(len(down)), (down, right)), shape=stiff.shape)
+        pattern = abs(stiff) + abs(held) + blocks
+        pattern.sort_indices()
+        self._pattern = pattern
+        self._stiffness, self._pull = self._values(stiff), self._values(held)
+        self._blocks = self._where(down, right)
+
+    def _where(self, rows, columns) -> np.ndarray:
+        size, pattern = np.int64(self._pattern.shape[0]), self._pattern
+        keys = pattern.indices + np.repeat(np.arange(size), np.diff(pattern.indptr)) * size
+        return np.searchsorted(keys, rows + columns * size)
+
+    def _values(self, matrix) -> np.ndarray:
+        entries, result = matrix.tocoo(), np.zeros(self._pattern.nnz)
+        result[self._where(entries.row.astype(np.int64), entries.col.astype(np.int64))] = entries.data
+        return result
+
+    @property
+    def identity(self) -> np.ndarray:
+        """X (4 n, 3) that leaves every vertex where it is."""
+        return np.tile(np.eye(4)[:, :3], (len(self._squares), 1))
+
+    def moved(self, maps: np.ndarray) -> np.ndarray:
+        """The vertices (n, 3) under maps X."""
+        return self._place @ maps
+
+    def solve(self, stiffness, weights, targets, pull, held) -> np.ndarray:
+        """The maps X (4 n, 3) of the least energy.
+
+        Parameters
+        ----------
+        stiffness : float
+            alpha.
+        weights : (n,) float64
+            Squared diagonal of W.
+        targets : (n, 3) float64
+            U.
+        pull : float
+            beta.
+        held : (L, 3) float64
+            U_L.
+        """
+        weights = weights + HELD
+        data = stiffness**2 * self._stiffness + pull**2 * self._pull
+        data[self._blocks] += (self._squares * weights[:, None, None]).ravel()
+        matrix = sparse.csc_matrix((data, self._pattern.indices, self._pattern.indptr), shape=self._pattern.shape)
+        if self._factor is None:
+            self._factor = factorize(matrix, self._backend, block=4)
+        else:
+            self._factor.update(matrix)
+        rhs = self._place.T @ (weights[:, None] * targets) + pull**2 * (self._held.T @ held)
+        return self._factor.solve(rhs)
+
+    @property
+    def residual(self) -> float:
+        """The relative residual of the last solve."""
+        return float("nan") if self._factor is None else self._factor.residual
+
+    @property
+    def backend(self) -> str:
+        """The sparse solver that is used."""
+        return self._backend if self._factor is None else self._factor.backend
+
+    def energies(self, maps, weights, targets, held) -> dict[str, float]:
+        """What each term of Eq. 7 costs at the maps X, without its alpha² or beta²."""
+        terms = [Term("data", self._place, targets, weights), self._stiff, Term("landmarks", self._held, held)]
+        return energies(terms, maps)

@@ -1,0 +1,142 @@
+"""Algorithm 1 of the thesis: match, solve, repeat; then soften, and again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from blendcap.data import InputError
+from blendcap.modeling.affine import AffineField
+from blendcap.modeling.matching import ScanSurface
+from blendcap.modeling.schedule import Schedule
+from blendcap.modeling.template import Skin
+from blendcap.numerics.anderson import Anderson
+from blendcap.numerics.leastsq import Backend
+from blendcap.numerics.surfaces import edges_of, vertex_normals
+
+FEW = 0.05  # share of the visible template that must find a match
+HEAD = (
+    4.75  # diagonal of a face's box over the root mean square distance from its centre: what stiffness is relative to
+)
+
+
+@dataclass(frozen=True)
+class Level:
+    """How one level of stiffness ended.
+
+    Parameters
+    ----------
+    stiffness, landmarks : float
+        alpha and beta.
+    steps : int
+        Steps made.
+    converged : bool
+        Whether it ended because the template stood still, and not at the most steps.
+    change : float
+        How far the last step moved the vertices, mm, root mean square.
+    residual : float
+        The relative residual of its last linear solve.
+    matched : float
+        The share of the skin with a match.
+    """
+
+    stiffness: float
+    landmarks: float
+    steps: int
+    converged: bool
+    change: float
+    residual: float
+    matched: float
+
+
+@dataclass(frozen=True, eq=False)
+class SkinFit:
+    """The fitted skin (n, 3), mm; energies and levels as in `Registration`; distances (n,) with NaN without a match."""
+
+    vertices: np.ndarray
+    energies: dict[str, np.ndarray]
+    levels: tuple[Level, ...]
+    distance: np.ndarray
+    backend: str
+
+
+def fit_skin(
+    start: np.ndarray, skin: Skin, surface: ScanSurface, sampling: Any, positions: np.ndarray, schedule: Schedule,
+    backend: Backend, tell: Callable[..., None] | None,
+) -> SkinFit:  # fmt: skip
+    """Non-rigid ICP of the aligned skin `start` (n, 3), mm; `sampling` (L, n) takes it to the landmarks."""
+    center = start.mean(0)
+    size = HEAD * float(np.sqrt(((start - center) ** 2).sum(1).mean()))
+    unit = (start - center) / size
+    field = AffineField(unit, *_edges(unit, skin.faces, schedule.even), sampling, backend)
+    held = (positions - center) / size
+    match = _Matcher(skin, surface, schedule, center, size)
+    maps, levels, costs = field.identity, [], []
+    for number, (alpha, beta) in enumerate(zip(schedule.stiffness, schedule.landmarks, strict=True)):
+        maps, weights, targets, level = _settle(field, maps, match, alpha, beta, held, schedule, size)
+        levels.append(level)
+        costs.append(field.energies(maps, weights, targets, held))
+        if tell is not None:
+            tell(number + 1)
+    fitted = field.moved(maps)
+    weights, _ = match(fitted)
+    vertices = fitted * size + center
+    distance = np.where(weights > 0, surface.closest(vertices)[1], np.nan)
+    energies = {term: size**2 * np.array([cost[term] for cost in costs]) for term in costs[0]}
+    return SkinFit(vertices, energies, tuple(levels), distance, field.backend)
+
+
+def _settle(field, maps, match, alpha, beta, held, schedule: Schedule, size: float):
+    """One level: steps until the template stands still. The answer is a solve, never an extrapolation."""
+    faster = Anderson(schedule.memory)
+    step, change = 0, np.inf
+    while True:
+        weights, targets = match(field.moved(maps))
+        answer = field.solve(alpha, weights, targets, beta, held)
+        motion = field.moved(answer) - field.moved(maps)
+        change = float(np.sqrt((motion**2).sum(1).mean()))
+        step += 1
+        if change < schedule.tolerance or step >= schedule.steps:
+            break
+        maps = faster.step(answer, motion)
+    level = Level(
+        alpha, beta, step, change < schedule.tolerance, size * change, field.residual, float((weights > 0).mean())
+    )
+    return answer, weights, targets, level
+
+
+class _Matcher:
+    """Weights (n,) and targets (n, 3) of the data term, for vertices in the template's own scale."""
+
+    def __init__(self, skin: Skin, surface: ScanSurface, schedule: Schedule, center: np.ndarray, size: float):
+        self._skin, self._surface, self._schedule = skin, surface, schedule
+        self._center, self._size = center, size
+
+    def __call__(self, vertices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        placed, schedule = vertices * self._size + self._center, self._schedule
+        find = self._surface.closest if schedule.triangles else self._surface.nearest_vertices
+        points, distance, faces = find(placed)
+        normals = vertex_normals(placed, self._skin.faces)
+        good = self._skin.visible & self._surface.believable(
+            faces, distance, normals, schedule.cosine, schedule.reach * self._size
+        )
+        if good.sum() < FEW * max(self._skin.visible.sum(), 1):
+            raise InputError(
+                f"Only {good.sum()} of {self._skin.visible.sum()} template vertices find a place on the scan within "
+                f"{schedule.reach * self._size:.0f} mm that faces the same way; give landmarks, or turn its normals "
+                "outwards."
+            )
+        return good.astype(np.float64), (points - self._center) / self._size
+
+
+def _edges(vertices: np.ndarray, faces: np.ndarray, even: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Edges (E, 2) and the weights (E,) of their squared differences."""
+    edges, _ = edges_of(faces)
+    if not even:
+        return edges, np.ones(len(edges))
+    length = np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1)
+    typical = float(np.median(length))
+    return edges, (typical / np.maximum(length, 1e-2 * typical)) ** 2

@@ -1,0 +1,249 @@
+"""Non-rigid registration: closed forms, invariances, the dense normal equations, and truths that come back."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import sparse
+from scipy.spatial.transform import Rotation
+
+import blendcap
+import masks
+from blendcap.data import InputError, Mesh, Rig, SurfacePoints
+from blendcap.modeling.affine import AffineField
+from blendcap.modeling.matching import ScanSurface
+from blendcap.modeling.registration import register
+from blendcap.modeling.schedule import SCHEDULES
+from blendcap.numerics.similarity import apply
+from blendcap.numerics.surfaces import edges_of, turned_over
+
+OTHER = {"width": 78.0, "nose": 14.0, "chin": -12.0}
+TEMPLATE, PARAMETERS = masks.template()
+
+
+def error(registration, **shape):
+    return np.linalg.norm(registration.mesh.vertices - masks.mask(PARAMETERS, **shape), axis=1)
+
+
+def inside(margin=0.8):
+    return (np.abs(PARAMETERS) < margin).all(1)
+
+
+@pytest.mark.parametrize("method", ["even", "paper"])
+def test_a_scan_that_is_the_template_leaves_it_as_it_is(method):
+    # the paper matches vertices, which are the scan's own here
+    result = register(TEMPLATE, TEMPLATE, masks.landmarks(TEMPLATE, PARAMETERS), method=method)
+    np.testing.assert_allclose(result.mesh.vertices, TEMPLATE.vertices, atol=1e-6)
+    assert all(energy.max() < 1e-10 for energy in result.energies.values())
+    assert all(level.converged and level.residual < 1e-12 for level in result.levels)
+    assert not len(result.flipped)
+
+
+def test_another_face_is_recovered_vertex_by_vertex():
+    scan, pairs = masks.scan(noise=0.1, **OTHER), masks.landmarks(TEMPLATE, PARAMETERS, **OTHER)
+    result = register(TEMPLATE, scan, pairs)
+    missed = error(result, **OTHER)
+    before = np.linalg.norm(apply(TEMPLATE.vertices, *result.alignment) - masks.mask(PARAMETERS, **OTHER), axis=1)
+    assert missed[inside()].mean() < 0.4 * before[inside()].mean()
+    assert missed[inside()].mean() < 1.1
+    assert np.nanmedian(result.distance) < 0.1
+    assert not len(result.flipped)
+    for level, alpha in zip(result.levels, SCHEDULES["even"].stiffness, strict=True):
+        assert level.stiffness == alpha and level.residual < 1e-12 and 1 <= level.steps <= 15
+    assert (np.diff(result.energies["data"]) < 0).all()  # softer lies closer, and bends more
+    assert (np.diff(result.energies["stiffness"]) > 0).all()
+
+
+def test_a_similarity_of_the_scan_moves_the_answer_with_it():
+    scan, (points, places) = masks.scan(**OTHER), masks.landmarks(TEMPLATE, PARAMETERS, **OTHER)
+    motion = (Rotation.from_rotvec([0.4, -1.1, 0.3]).as_matrix(), np.array([300.0, -20, 50]), np.float64(2.5))
+    plain = register(TEMPLATE, scan, (points, places))
+    moved = register(TEMPLATE, scan.with_vertices(apply(scan.vertices, *motion)), (points, apply(places, *motion)))
+    np.testing.assert_allclose(moved.mesh.vertices, apply(plain.mesh.vertices, *motion), atol=1e-6)
+    np.testing.assert_allclose(moved.energies["data"], 2.5**2 * plain.energies["data"], rtol=1e-6)
+    np.testing.assert_allclose(moved.distance, 2.5 * plain.distance, atol=1e-6)
+
+
+def test_backends_agree():
+    pytest.importorskip("cvxopt")
+    scan, pairs = masks.scan(**OTHER), masks.landmarks(TEMPLATE, PARAMETERS, **OTHER)
+    answers = [register(TEMPLATE, scan, pairs, backend=name) for name in ("splu", "cholmod")]
+    np.testing.assert_allclose(answers[0].mesh.vertices, answers[1].mesh.vertices, atol=1e-6)
+
+
+def test_a_hole_is_bridged_by_stiffness():
+    scan = masks.scan(hole=(0.45, 0.4, 0.2), **OTHER)
+    result = register(TEMPLATE, scan, masks.landmarks(TEMPLATE, PARAMETERS, **OTHER))
+    hole = np.hypot(PARAMETERS[:, 0] - 0.45, PARAMETERS[:, 1] - 0.4) < 0.17
+    assert hole.sum() > 10
+    assert np.isnan(result.distance[hole]).mean() > 0.9  # no vertex inside believes a match on the rim
+    assert error(result, **OTHER)[hole].mean() < 2.0
+    assert not len(result.flipped)
+
+
+def test_the_order_of_the_scan_does_not_matter():
+    pairs, scan = masks.landmarks(TEMPLATE, PARAMETERS, **OTHER), masks.scan(**OTHER)
+    order = np.random.default_rng(5).permutation(len(scan.vertices))
+    shuffled = Mesh(scan.vertices[order], np.argsort(order)[scan.faces][::-1])
+    first, second = register(TEMPLATE, scan, pairs), register(TEMPLATE, shuffled, pairs)
+    np.testing.assert_allclose(first.mesh.vertices, second.mesh.vertices, atol=1e-5)
+
+
+def test_without_landmarks_the_shape_aligns():
+    turn = (Rotation.from_rotvec([0.1, 0.15, -0.1]).as_matrix(), np.array([200.0, 80, -300]), np.float64(1.0))
+    scan = masks.scan(**OTHER)
+    result = register(TEMPLATE, scan.with_vertices(apply(scan.vertices, *turn)))
+    missed = np.linalg.norm(result.mesh.vertices - apply(masks.mask(PARAMETERS, **OTHER), *turn), axis=1)
+    assert missed[inside()].mean() < 4.0
+
+
+def test_one_solve_is_the_dense_least_squares_of_equation_7():
+    parameters, faces = masks.sheet(5, 6)
+    vertices, rng = masks.mask(parameters) / 200, np.random.default_rng(0)
+    edges, count = edges_of(faces)[0], len(vertices)
+    lengths, weights = rng.uniform(0.5, 2, len(edges)), rng.uniform(0.1, 1, count)
+    targets, held = rng.normal(size=(count, 3)), rng.normal(size=(2, 3))
+    sampling = sparse.csr_matrix(([0.2, 0.3, 0.5, 1.0], ([0, 0, 0, 1], [*faces[7], 3])), shape=(2, count))
+    field = AffineField(vertices, edges, lengths, sampling, "splu")
+    answer = field.solve(2.0, weights, targets, 3.0, held)
+    incidence, place = np.zeros((len(edges), count)), np.zeros((count, 4 * count))
+    for row, (i, j) in enumerate(edges):
+        incidence[row, i], incidence[row, j] = -1, 1
+    for i in range(count):
+        place[i, 4 * i : 4 * i + 4] = [*vertices[i], 1]
+    stacked = np.vstack([2 * np.sqrt(np.repeat(lengths, 4))[:, None] * np.kron(incidence, np.eye(4)),
+                         np.sqrt(weights)[:, None] * place, 3 * sampling.toarray() @ place])  # fmt: skip
+    target = np.vstack([np.zeros((4 * len(edges), 3)), np.sqrt(weights)[:, None] * targets, 3 * held])
+    dense = np.linalg.lstsq(stacked, target, rcond=None)[0]
+    np.testing.assert_allclose(answer, dense, atol=1e-6)
+    assert field.residual < 1e-12
+    costs = field.energies(answer, weights, targets, held)
+    total = 4 * costs["stiffness"] + costs["data"] + 9 * costs["landmarks"]
+    assert total == pytest.approx(((stacked @ answer - target) ** 2).sum())
+    np.testing.assert_allclose(field.moved(field.identity), vertices)
+
+
+def test_closest_points_are_those_of_another_library():
+    trimesh = pytest.importorskip("trimesh")
+    scan = masks.scan()
+    some = np.random.default_rng(0).permutation(len(scan.faces))[:300]
+    surface = ScanSurface(scan.vertices, scan.faces[some])
+    places = np.random.default_rng(1).normal(0, 60, (50, 3))
+    points, distance, faces = surface.closest(places)
+    triangles = scan.vertices[scan.faces[some]]
+    for place, point, far, face in zip(places, points, distance, faces, strict=True):
+        every = trimesh.triangles.closest_point(triangles, np.tile(place, (len(some), 1)))
+        there = np.linalg.norm(every - place, axis=1)
+        assert far == pytest.approx(there.min(), abs=1e-9)
+        np.testing.assert_allclose(point, every[there.argmin()], atol=1e-7)
+        assert there[face] == pytest.approx(there.min(), abs=1e-9)
+
+
+def with_ball(mesh, center, radius):
+    ball = pytest.importorskip("trimesh").creation.icosphere(2, radius)
+    vertices = np.concatenate([mesh.vertices, ball.vertices + center])
+    return Mesh(vertices, np.concatenate([mesh.faces, ball.faces + len(mesh.vertices)])), len(ball.vertices)
+
+
+def test_an_eyeball_stays_a_ball_and_moves_with_the_face():
+    whole, count = with_ball(TEMPLATE, (30.0, 38.0, 30.0), 11.0)
+    result = register(whole, masks.scan(**OTHER), masks.landmarks(whole, PARAMETERS, **OTHER))
+    ball = result.mesh.vertices[-count:]
+    away = np.linalg.norm(ball - ball.mean(0), axis=1)
+    assert np.ptp(away) < 1e-6 * away.mean()
+    assert away.mean() == pytest.approx(11, rel=0.25)
+    depth = masks.mask(np.array([[30 / 70, 0.4]]), **OTHER)[0]
+    assert np.linalg.norm(ball.mean(0) - (depth - [0, 0, depth[2] - 0])[:3] * [1, 1, 0] - [0, 0, 30]) < 8
+    assert np.isnan(result.distance[-count:]).all()
+
+
+def test_a_seam_of_the_texture_stays_closed():
+    left = TEMPLATE.vertices[TEMPLATE.faces].mean(1)[:, 0] < 0
+    twin = np.arange(len(TEMPLATE.vertices))
+    on_seam = np.intersect1d(TEMPLATE.faces[left], TEMPLATE.faces[~left])
+    twin[on_seam] = len(twin) + np.arange(len(on_seam))
+    faces = np.where(left[:, None], twin[TEMPLATE.faces], TEMPLATE.faces)
+    cut = Mesh(np.concatenate([TEMPLATE.vertices, TEMPLATE.vertices[on_seam]]), faces)
+    scan, pairs = masks.scan(**OTHER), masks.landmarks(cut, PARAMETERS, **OTHER)
+    whole, result = register(TEMPLATE, scan, masks.landmarks(TEMPLATE, PARAMETERS, **OTHER)), register(cut, scan, pairs)
+    np.testing.assert_array_equal(result.mesh.vertices[len(twin) :], result.mesh.vertices[on_seam])
+    np.testing.assert_allclose(result.mesh.vertices[: len(twin)], whole.mesh.vertices, atol=1e-5)
+
+
+def test_landmarks_off_the_scan_are_left_out():
+    scan, (points, places) = masks.scan(**OTHER), masks.landmarks(TEMPLATE, PARAMETERS, **OTHER)
+    lost = places.copy()
+    lost[3] = np.nan
+    kept = [n for i, n in enumerate(points.names) if i != 3]
+    first = register(TEMPLATE, scan, (points, lost))
+    second = register(TEMPLATE, scan, (points.select(kept), np.delete(places, 3, 0)))
+    np.testing.assert_allclose(first.mesh.vertices, second.mesh.vertices, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda p, x: (p, x[:5]), "12 landmarks on the template, but their positions have the shape"),
+        (lambda p, x: (p, x * np.nan), "Only 0 landmarks have a position"),
+        (lambda p, x: (p, x[::-1]), "find a place on the scan|template"),
+    ],
+)
+def test_landmarks_that_do_not_fit_are_refused(change, words):
+    points, places = masks.landmarks(TEMPLATE, PARAMETERS, **OTHER)
+    with pytest.raises(InputError, match=words):
+        register(TEMPLATE, masks.scan(**OTHER), change(points, places))
+
+
+def test_what_cannot_be_registered_is_said():
+    scan = masks.scan(**OTHER)
+    inward = Mesh(scan.vertices, scan.faces[:, ::-1])
+    with pytest.raises(InputError, match="turn its normals outwards"):
+        register(TEMPLATE, inward, masks.landmarks(TEMPLATE, PARAMETERS, **OTHER))
+    with pytest.raises(InputError, match="choose one of even, paper"):
+        register(TEMPLATE, scan, method="magic")
+    with pytest.raises(InputError, match="no triangles"):
+        register(TEMPLATE, Mesh(scan.vertices, np.zeros((0, 3), int)))
+
+
+def test_a_rig_is_laid_down_by_its_neutral():
+    rig = Rig(TEMPLATE, np.zeros((1, len(TEMPLATE.vertices), 3), np.float32), ("still",))
+    scan, pairs = masks.scan(**OTHER), masks.landmarks(TEMPLATE, PARAMETERS, **OTHER)
+    np.testing.assert_array_equal(register(rig, scan, pairs).mesh.vertices,
+                                  register(TEMPLATE, scan, pairs).mesh.vertices)  # fmt: skip
+
+
+def test_acceleration_ends_where_the_plain_iteration_ends():
+    scan, pairs = masks.scan(**OTHER), masks.landmarks(TEMPLATE, PARAMETERS, **OTHER)
+    patient = replace(SCHEDULES["even"], stiffness=(2.6,), landmarks=(2.0,), tolerance=1e-5, steps=150)
+    fast = register(TEMPLATE, scan, pairs, method=patient)
+    slow = register(TEMPLATE, scan, pairs, method=replace(patient, memory=0))
+    assert np.abs(fast.mesh.vertices - slow.mesh.vertices).mean() < 0.05
+    assert sum(level.steps for level in fast.levels) < 0.5 * sum(level.steps for level in slow.levels)
+
+
+def test_a_fold_is_seen():
+    vertices = TEMPLATE.vertices.copy()
+    middle = int(np.argmin((PARAMETERS**2).sum(1)))
+    assert not turned_over(vertices, TEMPLATE.faces).any()
+    vertices[middle, 0] += 3 * 70 * 2 / 20  # over its neighbours
+    assert turned_over(vertices, TEMPLATE.faces).any()
+
+
+@pytest.mark.slow
+def test_a_mannequin_of_another_person_comes_back():
+    """The scan has another net of triangles; the truth is known vertex by vertex."""
+    igl = pytest.importorskip("igl")
+    rig, person = blendcap.mannequin(), blendcap.mannequin(identity=5)
+    fine, faces = igl.upsample(person.mesh.vertices, person.mesh.faces[(person.mesh.faces < 8067).all(1)], 1)
+    coarse = igl.decimate(fine, faces, 40000)
+    points = rig.points["landmarks68"].select([str(i) for i in range(17, 68)])
+    result = register(rig, Mesh(coarse[0], coarse[1]), (points, points.positions(person.mesh)))
+    missed = np.linalg.norm(result.mesh.vertices - person.mesh.vertices, axis=1)
+    before = np.linalg.norm(apply(rig.mesh.vertices, *result.alignment) - person.mesh.vertices, axis=1)
+    face = np.unique(np.concatenate([rig.regions[n] for n in ("forehead", "nose", "cheeks", "lips", "jaw", "brows")]))
+    assert missed[face].mean() < 0.5 * before[face].mean()
+    assert missed[face].mean() < 1.5
+    assert np.nanmedian(result.distance[face]) < 0.25
+    for name in ("eyes", "teeth"):
+        assert missed[rig.regions[name]].mean() < 2.5
+    assert isinstance(points, SurfacePoints)
