@@ -8,7 +8,7 @@ from blendcap.synthetic.performances import speech
 from blendcap.synthetic.performer import make_performer
 from blendcap.synthetic.takes import choose_points, make_take
 
-rig = blendcap.mannequin()
+rig = blendcap.mannequin(shapes=52)
 performer = make_performer(rig, seed=5)
 points = choose_points(rig, 50)
 take, truth = make_take(performer, speech(rig, seconds=4.0, seed=5), points, seed=5)

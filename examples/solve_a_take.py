@@ -12,7 +12,7 @@ out = Path(sys.argv[1] if len(sys.argv) > 1 else "out")
 out.mkdir(exist_ok=True)
 
 # The performer is not the rig: each shape moves this face a little differently, and some shapes correct each other.
-rig = blendcap.mannequin()
+rig = blendcap.mannequin(shapes=52)
 performer = make_performer(rig, seed=3)
 
 # 50 markers, 0.2 mm noise, glued 1.5 mm beside their places, on a helmet that slips; 5 % of the samples are hidden.

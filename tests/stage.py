@@ -56,7 +56,7 @@ def roughness(solution: Solution) -> float:
 
 @cache
 def full_rig() -> Rig:
-    return mannequin()
+    return mannequin(shapes=52)
 
 
 @cache

@@ -18,13 +18,13 @@ EXAMPLE = Path(__file__).resolve().parent.parent / "examples" / "animface" / "co
 
 @pytest.fixture(scope="module")
 def rig():
-    return mannequin()
+    return mannequin(shapes=52)
 
 
 @pytest.fixture(scope="module")
 def other_face(rig):
     """Where the rig's markers sit on another person, mm."""
-    return rig.points["markers50"].positions(mannequin(4).mesh)
+    return rig.points["markers50"].positions(mannequin(4, shapes=52).mesh)
 
 
 @pytest.fixture(scope="module")

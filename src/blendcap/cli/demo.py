@@ -40,7 +40,7 @@ def demo(*, out: Path = Path("demo"), seed: int = 1) -> None:
     out.mkdir(parents=True, exist_ok=True)
     progress = Progress()
     with progress.step("mannequin", "Sculpt the mannequin"):
-        rig = blendcap.mannequin()
+        rig = blendcap.mannequin(shapes=52)
         write_rig(out / "rig.glb", rig)
     with progress.step("capture", "Capture a performer who is not the rig"):
         rom, take, truth = _capture(rig, seed)

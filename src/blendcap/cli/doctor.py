@@ -109,7 +109,7 @@ def _renderer() -> tuple[bool, str, str]:
 
     start = time.perf_counter()
     try:
-        mesh = blendcap.mannequin().mesh
+        mesh = blendcap.mannequin(shapes=52).mesh
         picture = render(mesh, face_camera(mesh.vertices, (64, 64)), (64, 64))
     except Exception as error:  # as for the solver
         return False, "renderer", f"does not run ({type(error).__name__}: {error}); reinstall numba and numpy"

@@ -80,7 +80,7 @@ def _inner_charts(cage: Cage) -> tuple[np.ndarray, np.ndarray]:
                 spots = np.array([_disc(2 * np.pi * int(k) / count, radii[ring]) for ring, k in split])
                 inner[[i, half + i]] = True
                 corners[i], corners[half + i] = _placed(cell, spots), _placed(cell, spots[::-1])
-        if rings <= {"bag", "inner", "seam", "mi", "mc"}:
+        if rings <= {"bag", "lining", "inner", "seam", "mi", "mc"}:
             spots = np.array([_mouth_spot(name) for name in names])
             inner[[i, half + i]] = True
             corners[i], corners[half + i] = _placed("mouth", spots), _placed("mouth", spots[::-1] * [-1, 1] + [1, 0])
@@ -89,7 +89,7 @@ def _inner_charts(cage: Cage) -> tuple[np.ndarray, np.ndarray]:
 
 def _mouth_spot(name: str) -> np.ndarray:
     ring, _, place = name.partition(".")
-    radius = {"seam": 1.0, "inner": 0.85, "bag": 0.6, "mi": 0.3, "mc": 0.0}[ring]
+    radius = {"seam": 1.0, "inner": 0.85, "lining": 0.72, "bag": 0.6, "mi": 0.3, "mc": 0.0}[ring]
     return _disc(np.pi / 2 - np.pi * int(place or 4) / 8, radius)
 
 

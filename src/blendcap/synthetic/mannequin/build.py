@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from numbers import Integral
 
 import numpy as np
 
 from blendcap.data import InputError, Mesh, Rig, triangulate
-from blendcap.synthetic.mannequin import shapes as arkit
+from blendcap.data.facs import ARKIT_NAMES, SHAPE_NAMES, SHAPES
+from blendcap.data.names import mirror_map
 from blendcap.synthetic.mannequin.face import Face
 from blendcap.synthetic.mannequin.identity import make_person, measures_of
 from blendcap.synthetic.mannequin.landmarks import landmarks, markers
-from blendcap.synthetic.mannequin.parts import Part, make_parts, part_shapes
+from blendcap.synthetic.mannequin.parts import Part, dental_arch, make_parts, part_shapes
+from blendcap.synthetic.mannequin.shapes import cage_shapes
 from blendcap.synthetic.mannequin.shared import Shared, shared
 from blendcap.synthetic.mannequin.skin import LOOKS, Look
 from blendcap.synthetic.mannequin.texture import painted
@@ -21,15 +23,15 @@ _PART_REGIONS = {"eye": "eyes", "caruncle": "sockets", "upper_teeth": "teeth", "
                  "tongue": "tongue"}  # fmt: skip
 
 
-def mannequin(identity: int | str | Mapping[str, float] = 0, shapes: int = 52) -> Rig:
-    """The mannequin, a complete head with the shapes of ARKit.
+def mannequin(identity: int | str | Mapping[str, float] = 0, shapes: int = 140) -> Rig:
+    """The mannequin, a complete head with 140 shapes or the 52 of ARKit.
 
     Parameters
     ----------
     identity : int, str or {measure: mm}
         A seed (0 is the plain person), a name in `PEOPLE`, or measures by name (see `MEASURES`; the others stay 0).
     shapes : int
-        How many shapes: 52.
+        140, all of `blendcap.data.facs.SHAPES`, or 52, the first of them: ARKit's.
 
     Returns
     -------
@@ -43,22 +45,22 @@ def mannequin(identity: int | str | Mapping[str, float] = 0, shapes: int = 52) -
     InputError
         If the identity is unknown or out of bounds, or there is no such set of shapes.
     """
-    if shapes != len(arkit.ARKIT):
-        raise InputError(f"The mannequin comes with {len(arkit.ARKIT)} shapes, but {shapes!r} were asked for.")
+    if shapes not in (len(ARKIT_NAMES), len(SHAPE_NAMES)):
+        raise InputError(f"The mannequin comes with 140 shapes or with ARKit's 52, but {shapes!r} were asked for.")
+    names = SHAPE_NAMES[:shapes]
     measures = measures_of(identity)
     head = shared()
     person = make_person(head.cage, measures)
     face, parts = Face(head.cage, person), make_parts(person)
     mesh = _mesh(head, face, parts, _look_of(identity))
-    place = {name: i for i, name in enumerate(arkit.ARKIT)}
-    mirror = np.array([place[arkit.mirror_of(name)] for name in arkit.ARKIT])
+    mirror = mirror_map(names)
     points = {"landmarks68": landmarks(head.cage, mesh, head.surface.middles), "markers50": markers(head.cage, mesh)}
     return Rig(
         mesh=mesh,
-        deltas=_deltas(head, face, parts, mirror),
-        names=arkit.ARKIT,
+        deltas=_deltas(head, face, parts, names, mirror),
+        names=names,
         mirror=mirror,
-        combinations={"mouthClose": ("jawOpen",)},
+        combinations={shape.name: shape.drivers for shape in SHAPES[:shapes] if shape.drivers},
         points=points,
         regions={**head.regions, **_part_regions(parts, head)},
         contacts=head.contacts,
@@ -84,16 +86,18 @@ def _mesh(head: Shared, face: Face, parts: list[Part], look: Look) -> Mesh:
     return Mesh(np.concatenate(vertices), triangulate(polygons), polygons, head.atlas.uv, uv_faces, painted(look))
 
 
-def _deltas(head: Shared, face: Face, parts: list[Part], mirror: np.ndarray) -> np.ndarray:
+def _deltas(head: Shared, face: Face, parts: list[Part], names: Sequence[str], mirror: np.ndarray) -> np.ndarray:
     """Displacements (N, V, 3) float32 of skin and parts; a shape and its mirror image mirror each other exactly."""
-    moved = arkit.cage_shapes(face)
-    skin = head.surface.through(np.stack(list(moved.values()), 1))
+    rest = head.surface.through(head.cage.mirrored(face.points))
+    left = triangulate(head.surface.quads[: len(head.surface.quads) // 2])
+    moved = cage_shapes(face, dental_arch(parts), rest, left)
+    skin = head.surface.through(np.stack([moved[name] for name in names], 1))
     skin = 0.5 * (skin + head.surface.reflected(skin)[:, mirror])
     of_parts = part_shapes(parts, face.person)
     total = sum(len(part.vertices) for part in parts)
-    deltas = np.zeros((len(moved), len(skin) + total, 3), dtype=np.float32)
+    deltas = np.zeros((len(names), len(skin) + total, 3), dtype=np.float32)
     deltas[:, : len(skin)] = skin.transpose(1, 0, 2)
-    for row, name in enumerate(moved):
+    for row, name in enumerate(names):
         if name in of_parts:
             deltas[row, len(skin) :] = of_parts[name]
     return deltas

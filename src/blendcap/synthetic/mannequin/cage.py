@@ -12,7 +12,7 @@ import numpy as np
 from blendcap.synthetic.mannequin import points
 
 EYE_RINGS = ("sock", "margin", "edge", "crease", "sulcus", "orbit")
-MOUTH_RINGS = ("bag", "inner", "seam", "crest", "border", "around", "fold")
+MOUTH_RINGS = ("bag", "lining", "inner", "seam", "crest", "border", "around", "fold")
 EAR_RINGS = ("root", "back", "helix", "scapha", "antihelix", "concha")
 SHARP = 10.0  # as good as infinite: more than any number of levels
 
@@ -190,9 +190,11 @@ def _ear() -> list[tuple[str, ...]]:
 
 
 def _creases() -> list[tuple[str, str, float]]:
-    """The lid margin and the lip seam are sharp; the lid's outer edge and the vermilion border half so."""
+    """The lid margin, the lip seam and the floor of the mouth are sharp; lid edge and vermilion border half so."""
     closed = [(name, k, (k + 1) % 12, value) for name, value in (("margin", SHARP), ("edge", 0.7)) for k in range(12)]
-    opened = [(name, k, k + 1, value) for name, value in (("seam", SHARP), ("border", 0.5)) for k in range(8)]
+    opened = [
+        (name, k, k + 1, value) for name, value in (("bag", 2.0), ("seam", SHARP), ("border", 0.5)) for k in range(8)
+    ]
     return [(f"{name}.{a}", f"{name}.{b}", value) for name, a, b, value in closed + opened]
 
 

@@ -12,8 +12,10 @@ from blendcap.synthetic.mannequin.cage import ring
 from blendcap.synthetic.mannequin.face import Face, push
 from blendcap.synthetic.mannequin.identity import GLOBE_RADIUS
 
+SOCK = 1.7  # of the lining that dives behind the lids, above the eyeball, mm
 CLEARANCE = 0.9  # of the lid margin's control points above the eyeball, mm
 MEETING = 0.22  # the lids meet this far up from the lower lid
+_TO_CANTHI = np.array([0.25, 0.08, 0.0, 0.16, 0.36])  # and higher towards the canthi, which do not sink
 
 
 def lids(face: Face, upper: float, lower: float, fold: float = 1.0, meeting: float = MEETING) -> np.ndarray:
@@ -45,7 +47,9 @@ def _move_lid(face: Face, moved: np.ndarray, places: range, line: np.ndarray, sh
     moved[margin] = _arc(points[margin], line, globe, share) - points[margin]
     rim = line + 1.5 * outward + [0, 0.9 * up, 0]
     moved[edge] = _arc(points[edge], rim, globe, share) - points[edge]
-    moved[sock] = 0.7 * moved[margin]
+    along = points[sock] + 0.6 * moved[margin]  # the lining slides round the eyeball
+    reach = np.linalg.norm(points[sock] - globe, axis=1, keepdims=True)
+    moved[sock] = globe + reach * _unit(along - globe) - points[sock]
     if up > 0:
         stretched = 0.45 * line + 0.55 * points[crease]
         stretched = globe + (GLOBE_RADIUS + 2.8) * _unit(stretched - globe)
@@ -61,7 +65,8 @@ def _meeting_line(face: Face, meeting: float) -> np.ndarray:
     globe = face.person.globe
     above, below = face.pairs("margin", range(1, 6))
     top, bottom = face.points[above], face.points[below]
-    direction = _unit(bottom + meeting * (top - bottom) - globe)
+    level = meeting + (1 - meeting) * _TO_CANTHI[:, None]
+    direction = _unit(bottom + level * (top - bottom) - globe)
     reach = np.zeros(len(direction))
     for start in (top - globe, bottom - globe):  # |start + reach direction| / 2 = the radius to keep
         along = (start * direction).sum(1)
@@ -89,6 +94,16 @@ def blink(face: Face) -> np.ndarray:
     return lids(face, 1.0, 1.0)
 
 
+def close(face: Face) -> np.ndarray:
+    """The upper lid sinks to the resting lower lid, as in sleep (action unit 43)."""
+    return lids(face, 1.0, 1.0, 1.0, 0.1)
+
+
+def instead_of(shape: np.ndarray, face: Face) -> np.ndarray:
+    """A corrective that takes the lids out of a shape: with a blink, only the blink moves them, and they meet."""
+    return -face.weights({"sock": 1, "margin": 1, "edge": 1, "crease": 0.7, "sulcus": 0.25})[:, None] * shape
+
+
 def wide(face: Face) -> np.ndarray:
     """The lids draw apart."""
     return lids(face, -0.34, -0.18, 0.8)
@@ -108,15 +123,12 @@ def look_in(face: Face) -> np.ndarray:
     """The cornea under the lids carries them a little towards the nose."""
     lid = face.weights({"margin": 1, "edge": 1, "crease": 1}) * np.isin(face.place, (0, 6), invert=True)
     x, _, z = face.at("crease.3")
-    return push(lid * face.near((x, 0, z), (12, 9, 12)), (-0.5, 0, 0))
+    lid = lid * face.near((x, 0, z), (12, 9, 12))
+    above, below = face.pairs("margin", range(1, 6))
+    lid[above] = lid[below] = 0.5 * (lid[above] + lid[below])  # both margins alike, so that a blink still closes them
+    return push(lid, (-0.5, 0, 0))
 
 
 def look_out(face: Face) -> np.ndarray:
     """And towards the temple."""
     return -look_in(face)
-
-
-def squint(face: Face) -> np.ndarray:
-    """The ring muscle narrows the eye: mostly the lower lid rises."""
-    skin = face.near("sulcus.8", (13, 6, 12)) * ~face.on_globe
-    return lids(face, 0.22, 0.95, 0.8, 0.42) + push(skin, (0, 2.2, 0.6))

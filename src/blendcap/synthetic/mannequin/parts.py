@@ -12,11 +12,13 @@ import numpy as np
 from blendcap.synthetic.mannequin import jaw
 from blendcap.synthetic.mannequin.fields import smoothstep
 from blendcap.synthetic.mannequin.identity import GLOBE_RADIUS, Person
+from blendcap.synthetic.mannequin.visemes import VISEMES
 
 GAZE_ASIDE, GAZE_UP, GAZE_DOWN = np.radians((30.0, 22.0, 26.0))
 CORNEA_RISE, CORNEA_ANGLE = 0.045, 0.42  # of the radius; radians
 ARCH = 0.85  # of a half circle
 CROWNS = (8.5, 6.6, 7.6, 7.0, 6.8, 10.2, 9.8)  # widths of the upper teeth from the midline back, mm
+ROWS = 6  # of vertices from the gum over the front and the edge to the back
 LOWER_CROWNS = (5.3, 5.9, 6.9, 7.1, 7.2, 11.0, 10.5)
 
 
@@ -57,27 +59,52 @@ def make_parts(person: Person) -> list[Part]:
             _tongue(person)]  # fmt: skip
 
 
+def dental_arch(parts: list[Part]) -> np.ndarray:
+    """The front of the upper teeth (A, 3), mm, from the midline to the last molar on the left."""
+    teeth = next(part for part in parts if part.kind == "upper_teeth")
+    front = teeth.vertices.reshape(ROWS, -1, 3)[2]
+    return front[len(front) // 2 :]
+
+
 def part_shapes(parts: list[Part], person: Person) -> dict[str, np.ndarray]:
     """Displacements (V, 3) of all parts' vertices, stacked in order, by shape; only the shapes that move a part."""
     vertices = np.concatenate([part.vertices for part in parts])
     owner = np.repeat(np.arange(len(parts)), [len(part.vertices) for part in parts])
     kinds = np.array([part.kind for part in parts])[owner]
-    below = np.isin(kinds, ("lower_teeth", "tongue"))[:, None]
+    below, tongue = np.isin(kinds, ("lower_teeth", "tongue"))[:, None], (kinds == "tongue")[:, None]
     still = np.zeros_like(vertices)
-    aside = np.array([jaw.SIDEWAYS, 0, 0])
-    shapes = {
-        "jawOpen": np.where(below, jaw.opened(vertices, 1.0), still),
-        "jawForward": np.where(below, [0, -jaw.SINK, jaw.FORWARD], still),
-        "jawLeft": np.where(below, aside, still),
-        "jawRight": np.where(below, -aside, still),
-        "tongueOut": np.where((kinds == "tongue")[:, None], _stuck_out(vertices), still),
+    hinge = jaw.hinge_of(person)
+
+    def fallen(share: float) -> np.ndarray:
+        return jaw.opened(vertices, share, hinge)
+
+    aside, out = np.array([jaw.SIDEWAYS, 0, 0]), _stuck_out(vertices)
+    with_jaw = {
+        "jawOpen": fallen(1.0),
+        "jawStretch": fallen(jaw.STRETCHED) - fallen(1.0),
+        "jawForward": np.array([0, -jaw.SINK, jaw.FORWARD]),
+        "jawBack": np.array([0, -0.3 * jaw.SINK, jaw.BACK]),
+        "jawLeft": aside,
+        "jawRight": -aside,
     }
+    with_jaw |= {name: fallen(viseme.jaw) for name, viseme in VISEMES.items()}
+    shapes = {name: np.where(below, moved, still) for name, moved in with_jaw.items()}
+    for name, viseme in VISEMES.items():
+        shapes[name] = shapes[name] + np.where(tongue, viseme.tongue * out, still)
+    for name, moved in {"tongueOut": out, **_tongue_tip(vertices)}.items():
+        shapes[name] = np.where(tongue, moved, still)
+    return shapes | _gazes(vertices, owner, person)
+
+
+def _gazes(vertices: np.ndarray, owner: np.ndarray, person: Person) -> dict[str, np.ndarray]:
+    """What each gaze adds to the vertices (V, 3): both eyes are the first two parts."""
+    shapes = {}
     for eye, side, sign in ((0, "Left", 1), (1, "Right", -1)):
         center = person.globe * [sign, 1, 1]
         for name, yaw, pitch in (("Up", 0, GAZE_UP), ("Down", 0, -GAZE_DOWN), ("In", -sign * GAZE_ASIDE, 0),
                                  ("Out", sign * GAZE_ASIDE, 0)):  # fmt: skip
             turned = (vertices - center) @ (_turn(yaw, pitch) - np.eye(3)).T
-            shapes[f"eyeLook{name}{side}"] = np.where((owner == eye)[:, None], turned, still)
+            shapes[f"eyeLook{name}{side}"] = np.where((owner == eye)[:, None], turned, 0.0)
     return shapes
 
 
@@ -148,12 +175,19 @@ def _stuck_out(vertices: np.ndarray) -> np.ndarray:
     )
 
 
+def _tongue_tip(vertices: np.ndarray) -> dict[str, np.ndarray]:
+    """The tip of the tongue up, down and aside."""
+    front = smoothstep(48, 88, vertices[:, 2])[:, None] ** 1.5
+    ways = {"Up": (0, 9.0, -3.0), "Down": (0, -5.0, -1.0), "Left": (9.0, 0, -2.0), "Right": (-9.0, 0, -2.0)}
+    return {f"tongue{way}": front * np.array(step) for way, step in ways.items()}
+
+
 def _teeth(person: Person, *, upper: bool) -> Part:
     """A row of crowns: an arch of columns, from the gum over the front to the edge and back inside."""
     columns = 113
     turn = np.linspace(-1, 1, columns) * np.pi / 2 * ARCH
     size = 1.0 if upper else 0.9
-    x, z = size * 26.5 * np.sin(turn), 53 + (42.5 if upper else 40.0) * np.cos(turn) - (0 if upper else 1.5)
+    x, z = size * 25.8 * np.sin(turn), 51 + (42.5 if upper else 40.0) * np.cos(turn) - (0 if upper else 1.5)
     along = np.concatenate([[0], np.cumsum(np.hypot(np.diff(x), np.diff(z)))])
     along -= along[columns // 2]
     borders = np.cumsum((0, *(CROWNS if upper else LOWER_CROWNS)))
@@ -167,10 +201,10 @@ def _teeth(person: Person, *, upper: bool) -> Part:
         y = gum + height * (edge + rise + rounded - gum)
         rows.append(np.stack([x, y, z], 1) + outward * (depth - 0.6 * gap)[:, None])
         local.append(np.stack([along, np.full(columns, float(height)), gap], 1))
-    first = (np.arange(5)[:, None] * columns + np.arange(columns - 1)).ravel()
+    first = (np.arange(ROWS - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
     quads = np.stack([first, first + columns, first + columns + 1, first + 1], 1)
     vertices = person.moved(np.concatenate(rows))
     kind = "upper_teeth" if upper else "lower_teeth"
-    spots = np.stack([np.tile(turn, 6), np.repeat(np.linspace(-1, 1, 6), columns)], 1) / [ARCH * np.pi / 2, 1]
+    spots = np.stack([np.tile(turn, ROWS), np.repeat(np.linspace(-1, 1, ROWS), columns)], 1) / [ARCH * np.pi / 2, 1]
     quads = quads if upper else quads[:, ::-1]
     return Part(kind, vertices, quads, np.concatenate(local), _flat(spots, quads))

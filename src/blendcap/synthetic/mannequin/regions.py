@@ -20,7 +20,7 @@ _POINTS = {
     "neck": "neck1.* neck2.* neck3.*",
     "ears": "root.* back.* helix.* scapha.* antihelix.* concha.*",
     "sockets": "sock.*",
-    "mouth": "bag.* mi mc",
+    "mouth": "bag.* lining.* mi mc",
     "scalp": "c4 d0 d2 d3 d4 R5 R6 R7 S5 S6 S7 U0 U2 U3 U4 U5 U6 U7 V3 V4 V5 V6 V7",
 }
 _PULL = {"sockets": 8.0}  # what dives under the lids is no lid

@@ -40,7 +40,7 @@ _FIELDS: tuple[dict[str, float], ...] = (  # ring weights; the lash line only be
     {"inner": 1.0, "seam": 1.0, "crest": 1.0, "border": 0.5},
     {"margin": 1.0, "edge": 0.5},
     {"sock": 1.0, "margin": 0.8},
-    {"inner": 1.0, "bag": 1.3, "mi": 1.3, "mc": 1.3, "seam": 0.1},
+    {"inner": 1.0, "lining": 1.2, "bag": 1.3, "mi": 1.3, "mc": 1.3, "seam": 0.1},
     {"vestibule": 1.0},
     {name: 1.0 for name in EAR_RINGS},
 )

@@ -1,55 +1,121 @@
-"""The shapes of brows, nose and cheeks. Each returns a displacement (H, 3) of the left half."""
+"""The shapes of brows, nose, cheeks and neck. Each returns a displacement (H, 3) of the left half."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from blendcap.synthetic.mannequin.face import Face, push
-
-
-def _skin_near(face: Face, center, spread) -> np.ndarray:
-    """A Gaussian on the skin in front, without the rims of the lids."""
-    return face.near(center, spread) * ~face.on_globe * (face.points[:, 2] > 0)
+from blendcap.synthetic.mannequin.fields import smoothstep
+from blendcap.synthetic.mannequin.lids import lids
+from blendcap.synthetic.mannequin.muscles import contract, lip_weights
 
 
 def brow_inner_up(face: Face) -> np.ndarray:
     """The inner ends of the brows rise."""
-    inner = _skin_near(face, (11, 21, 96), (10, 10, 20))
-    return push(inner, (0, 7.0, 0.5)) + push(_skin_near(face, (0, 32, 99), (16, 14, 20)), (0, 1.5, 0.3))
+    return contract(face, {"frontalis_medial": 0.19, "frontalis_middle": 0.055})
 
 
 def brow_outer_up(face: Face) -> np.ndarray:
     """The outer half of the brow rises."""
-    return push(_skin_near(face, (45, 23, 88), (15, 11, 24)), (0, 6.0, 0))
+    return contract(face, {"frontalis_lateral": 0.17})
+
+
+def brow_lower(face: Face) -> np.ndarray:
+    """Procerus and depressor supercilii draw the brow down."""
+    return contract(face, {"depressor_supercilii": 0.24, "procerus": 0.1, "orbicularis_oculi_lateral": 0.12})
+
+
+def brow_squeeze(face: Face) -> np.ndarray:
+    """Corrugator draws the brow to the middle and bunches the skin beside it."""
+    return contract(face, {"corrugator": 0.2})
 
 
 def brow_down(face: Face) -> np.ndarray:
     """The brow is lowered and drawn to the middle."""
-    inner = push(_skin_near(face, (18, 19, 94), (15, 9, 20)), (-2.0, -5.5, 1.0))
-    return inner + push(_skin_near(face, (38, 21, 90), (12, 8, 20)), (-0.5, -2.2, 0.5))
+    return brow_lower(face) + brow_squeeze(face)
+
+
+def brow_knit(face: Face) -> np.ndarray:
+    """Against each other, frontalis and corrugator lift the inner end of the brow and steepen it."""
+    return contract(face, {"frontalis_medial": 0.05, "corrugator": 0.05, "orbicularis_oculi_lateral": 0.07})
+
+
+def nose_wrinkle(face: Face) -> np.ndarray:
+    """The side of the nose wrinkles; the lip keeps still."""
+    return contract(face, {"nasalis_transverse": 0.1, "levator_alaeque_nasi": 0.035, "procerus": 0.06})
 
 
 def nose_sneer(face: Face) -> np.ndarray:
     """The wing of the nose and the lip below it are raised, the side of the nose wrinkles."""
-    lip = face.weights({"bag": 0.3, "inner": 0.9, "seam": 1, "crest": 1, "border": 0.95, "around": 0.55, "fold": 0.25})
-    wing = face.near("W2", (8, 10, 10)) * ~(face.lower | (lip > 0.3))
-    return face.sealed(
-        push(wing, (1.0, 4.2, 0.5))
-        + push(face.upper * lip * face.near("border.2", (10, 9, 12)), (0, 3.0, 0.5))
-        + push(face.near("orbit.11", (7, 8, 9)) * ~face.on_globe, (-0.6, 2.2, 1.5))
-    )
+    lip = contract(face, {"levator_labii_medial": 0.045, "levator_alaeque_nasi": 0.1, "nasalis_transverse": 0.1})
+    return face.sealed(lip + push(face.weights({"fold.3": 1, "K2": 0.6}), (0.2, 1.4, -0.9)))
+
+
+def nostril_dilate(face: Face) -> np.ndarray:
+    """The wings of the nose flare (action unit 38)."""
+    return contract(face, {"nasalis_alar": 0.13})
+
+
+def nostril_compress(face: Face) -> np.ndarray:
+    """The wings of the nose draw in and the tip sinks a little (action unit 39)."""
+    return contract(face, {"compressor_naris": 0.1, "depressor_septi": 0.03})
 
 
 def cheek_squint(face: Face) -> np.ndarray:
     """The cheek rises against the lower lid."""
-    lid = face.near("crease.9", (13, 5, 10)) * ~face.on_globe
-    return face.sealed(push(face.near((38, -24, 82), (14, 9, 14)), (0, 4.2, 2.0)) + push(lid, (0, 1.8, 0.6)))
+    return face.sealed(contract(face, {"orbicularis_oculi_cheek": 0.27, "orbicularis_oculi_lower": 0.3}))
+
+
+def _cheek(face: Face, spread) -> np.ndarray:
+    inside = np.isin(face.ring, ("inner", "lining", "bag", "seam"))
+    return face.near("Q8 Q9 R9 fold.4", spread) * ~inside * ~face.on_globe
 
 
 def cheek_puff(face: Face) -> np.ndarray:
     """Air fills the cheeks; the lips hold."""
-    outside = ~np.isin(face.ring, ("inner", "bag"))
-    lips = face.weights({"seam": 1, "crest": 1, "border": 0.95, "around": 0.55, "fold": 0.25})
-    cheek = face.near((43, -61, 74), (20, 18, 26)) * outside
-    narrowed = push(-0.06 * lips * face.points[:, 0], (1, 0, 0))
-    return face.sealed(push(cheek, (11.0, 0, 8.0)) + push(0.6 * lips, (0, 0, 2.0)) + narrowed)
+    lips = lip_weights(face)
+    size = 0.2 * float(np.linalg.norm(face.at("R9") - face.at("fold.4")))
+    cheek = _cheek(face, (22, 19, 30)) * (1 - 0.6 * face.mouth)
+    blown = 1.55 * size * cheek[:, None] * (0.65 * face.normals + [0.45, 0, 0.2])
+    return face.sealed(blown + push(0.6 * lips, (0, 0, 2.0)) + push(-0.06 * lips * face.points[:, 0], (1, 0, 0)))
+
+
+def cheek_suck(face: Face) -> np.ndarray:
+    """The cheeks are sucked in between the teeth (action descriptor 35)."""
+    lips = lip_weights(face)
+    size = 0.2 * float(np.linalg.norm(face.at("R9") - face.at("fold.4")))
+    drawn = -1.3 * size * _cheek(face, (13, 15, 22))[:, None] * face.normals
+    return face.sealed(drawn * ~face.mouth[:, None] + push(-0.1 * lips * face.points[:, 0], (1, 0, 0)))
+
+
+def lid_tighten(face: Face) -> np.ndarray:
+    """The lids tighten without the cheek (action unit 7)."""
+    return lids(face, 0.28, 0.6, 0.6, 0.5)
+
+
+def squint(face: Face) -> np.ndarray:
+    """The ring muscle narrows the eye: mostly the lower lid rises."""
+    return lids(face, 0.22, 0.95, 0.8, 0.42) + contract(face, {"orbicularis_oculi_ring": 0.2})
+
+
+def eye_squeeze(face: Face) -> np.ndarray:
+    """The eye is shut tight: lids, cheek and brow close in on it (action units 6, 7 and 43)."""
+    around = {"orbicularis_oculi_cheek": 0.3, "orbicularis_oculi_ring": 0.25, "depressor_supercilii": 0.16,
+              "orbicularis_oculi_lateral": 0.16}  # fmt: skip
+    return face.sealed(lids(face, 1.0, 1.0, 1.0, 0.42) + contract(face, around))
+
+
+def neck_tighten(face: Face) -> np.ndarray:
+    """Platysma spans the neck and draws the skin of the jaw down (action unit 21)."""
+    return contract(face, {"platysma": 0.14, "platysma_neck": 0.12})
+
+
+def neck_swallow(face: Face) -> np.ndarray:
+    """The larynx rises under the skin of the throat (action unit 80)."""
+    throat = face.near("neck1.0 neck2.0", (11, 16, 14)) * smoothstep(-100, -120, face.points[:, 1])
+    return push(throat, (0, 4.0, 2.6))
+
+
+def jaw_clench(face: Face) -> np.ndarray:
+    """Masseter bulges at the angle of the jaw (action descriptor 31)."""
+    return contract(face, {"masseter": 0.012})

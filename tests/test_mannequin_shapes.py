@@ -1,0 +1,107 @@
+"""The mannequin's 140 shapes: each in its place, parts that sum to wholes, muscles that follow anatomy."""
+
+import numpy as np
+import pytest
+
+from blendcap.data.facs import SHAPE_NAMES, SHAPES
+from blendcap.synthetic.mannequin.shared import shared
+from faces import alone, person, reflected, skin_normals, weights
+
+REACH = {  # regions that may move by more than 0.5 mm
+    "brow": {"brows", "forehead", "glabella", "lids", "nose", "sockets", "scalp", "cheeks"},
+    "eye": {"lids", "eyes", "sockets", "cheeks", "brows", "nose", "glabella", "forehead"},
+    "lid": {"lids", "sockets"},
+    "blink": {"lids", "sockets", "cheeks", "brows"},
+    "mouth": {"lips", "cheeks", "jaw", "nose", "mouth", "lids", "neck", "scalp"},
+    "smile": {"lips", "cheeks", "jaw", "nose", "mouth", "lids", "neck"},
+    "viseme": {"lips", "cheeks", "jaw", "nose", "mouth", "lids", "neck", "teeth", "tongue", "scalp"},
+    "jaw": {"lips", "cheeks", "jaw", "neck", "mouth", "teeth", "tongue", "scalp", "nose"},
+    "chin": {"lips", "jaw", "mouth", "cheeks"},
+    "neck": {"neck", "jaw", "cheeks", "lips", "scalp"},
+    "nos": {"nose", "lips", "cheeks", "lids", "mouth", "glabella", "brows"},  # nose, nostril
+    "nasolabial": {"lips", "cheeks", "nose", "mouth"},
+    "cheek": {"cheeks", "lips", "lids", "nose", "jaw", "brows", "mouth", "sockets", "neck", "scalp"},
+    "tongue": {"tongue", "lips", "mouth", "jaw", "nose", "cheeks"},
+}
+
+
+@pytest.mark.parametrize("name", SHAPE_NAMES)
+def test_each_shape_moves_its_own_part_of_the_face(name):
+    rig = person()
+    moved = np.linalg.norm(rig.deltas[rig.index(name)], axis=1)
+    assert 0.8 < moved.max() < 45
+    kind = next(prefix for prefix in REACH if name.startswith(prefix))
+    single = [region for region in rig.regions if region not in ("upper", "lower")]
+    reached = {region for region in single if moved[rig.regions[region]].max() > 0.5}
+    assert reached <= REACH[kind]
+
+
+def test_no_two_shapes_are_the_same():
+    rig = person()
+    flat = rig.deltas.reshape(len(rig.names), -1).astype(np.float64)
+    flat /= np.linalg.norm(flat, axis=1, keepdims=True)
+    cosine = flat @ flat.T - np.eye(len(flat))
+    first, second = np.unravel_index(cosine.argmax(), cosine.shape)
+    assert cosine.max() < 0.995, (rig.names[first], rig.names[second])
+
+
+@pytest.mark.parametrize("whole", sorted({shape.arkit for shape in SHAPES if shape.arkit not in ("", shape.name)}))
+def test_parts_sum_to_the_whole(whole):
+    rig = person(3)
+    parts = [shape.name for shape in SHAPES if shape.arkit == whole and shape.name != whole]
+    assert len(parts) in (2, 4)
+    total = rig.deltas[[rig.index(name) for name in parts]].sum(0)
+    assert np.abs(total - rig.deltas[rig.index(whole)]).max() < 1e-4
+
+
+def test_halves_overlap_only_near_the_midline():
+    rig = person()
+    left, right = (rig.deltas[rig.index(f"mouthSmile{side}")] for side in ("Left", "Right"))
+    whole = left + right
+    far = np.abs(rig.mesh.vertices[:, 0]) > 25
+    larger = np.where(np.linalg.norm(left, axis=1)[:, None] > np.linalg.norm(right, axis=1)[:, None], left, right)
+    assert np.abs(whole - larger)[far].max() < 0.02
+
+
+def test_gaze_turns_the_eye_the_way_it_says():
+    rig = person()
+    eyes = rig.regions["eyes"]
+    left = eyes[rig.mesh.vertices[eyes, 0] > 0]
+    cornea = left[rig.mesh.vertices[left, 2].argmax()]
+    for name, axis, sign in (("In", 0, -1), ("Out", 0, 1), ("Up", 1, 1), ("Down", 1, -1)):
+        moved = rig.deltas[rig.index(f"eyeLook{name}Left"), cornea]
+        assert sign * moved[axis] > 4
+        assert np.abs(rig.deltas[rig.index(f"eyeLook{name}Right")][left]).max() == 0
+
+
+def test_the_jaw_takes_its_teeth_along_as_one_piece():
+    rig = person()
+    teeth = rig.regions["teeth"]
+    rest = rig.mesh.vertices[teeth]
+    half = len(teeth) // 2
+    down = rig.deltas[rig.index("jawOpen")][teeth]
+    assert (down[:half] == 0).all()  # upper
+    assert (down[half:, 1] < -5).all()
+    before, after = (np.linalg.norm(p[half:] - p[half], axis=1) for p in (rest, rest + down))
+    assert np.abs(after - before).max() < 1e-4
+
+
+def test_shapes_mirror():
+    rig, twins = person(), shared().surface.twins
+    deltas = rig.deltas[:, : len(twins)]
+    assert np.array_equal(deltas[rig.mirror][:, twins], reflected(deltas).astype(np.float32))
+
+
+@pytest.mark.parametrize("identity", [0, "kofi", "lars", "mei"])
+def test_few_quads_turn_over(identity):
+    """Inside the corners of the mouth the lining folds as the jaw falls; more would be a torn face."""
+    rig = person(identity)
+    rest = skin_normals(rig.mesh.vertices)
+    for name in rig.names:
+        turned = (skin_normals(rig.pose(alone(rig, name))) * rest).sum(1) < 0
+        assert turned.sum() <= 10, name
+
+
+def test_weights_by_name():
+    rig = person()
+    assert weights(rig, eyeBlink=0.5).sum() == 1.0
