@@ -7,9 +7,9 @@ from numba import njit, prange
 
 from blendcap.numerics._lanes import WIDE, fill, load, spread, store, where_less
 
-STEPS = 14
+STEPS = 12
 MANY = 256  # frames that a run should have at least, to fill the lanes
-PENALTY, POWER = 1.2, 0.8
+PENALTY, POWER = 0.7, 0.6
 RELAXATION = np.float32(1.9)
 LESS = np.float32(1) - RELAXATION
 
@@ -117,6 +117,14 @@ def finish(single, x, states, first, last):
             states[first + k, i] = np.int8(z > lower[i]) + np.int8(z >= upper[i])
 
 
+def penalties(least):
+    """(N,) the penalty of each unknown: a power of its curvature once all others may follow, but no more than its
+    curvature once the one that is most like it may follow."""
+    scale = np.sqrt(np.diag(least))
+    alike = np.abs(least / np.outer(scale, scale)) - np.eye(len(least))
+    return np.minimum(PENALTY / np.diag(np.linalg.inv(least)) ** POWER, scale**2 * (1 - alike.max(1) ** 2))
+
+
 def guess_states(gram, diagonal, linear, lower, upper, blocks):
     """(T, N) int8 guessed states of all frames.
 
@@ -127,7 +135,7 @@ def guess_states(gram, diagonal, linear, lower, upper, blocks):
     m = len(lower)
     top = diagonal.max(0)
     shared = gram + np.diag(top + 1e-10)  # a singular matrix must not stop a guess
-    penalty = PENALTY / np.diag(np.linalg.inv(shared)) ** POWER
+    penalty = penalties(gram + np.diag(diagonal.min(0) + 1e-10))
     inverse = np.linalg.inv(shared + np.diag(penalty))
     width = (m + 7) & -8
     matrix = aligned_singles(width * m).reshape(width // 8, m, 8)  # what a pass of `step` reads lies together

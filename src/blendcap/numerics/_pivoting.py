@@ -15,7 +15,7 @@ from numba import njit
 from blendcap.numerics._cholesky import FAST, STRIDE, add_rows, back_substitute, factor, forward_substitute
 
 LOWER, FREE, UPPER = 0, 1, 2
-PATIENCE = 10  # rounds without fewer wrong states before one state at a time is changed
+PATIENCE = 3  # rounds without fewer wrong states before one state at a time is changed
 SOLVED = 1e-10  # of the linear term: a gradient below it is zero
 BORDER = 16  # changed states that a factor is kept for
 

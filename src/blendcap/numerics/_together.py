@@ -14,7 +14,7 @@ from blendcap.numerics._lanes import WIDTH, fill, gather, load, some, spread, st
 from blendcap.numerics._pivoting import FREE, SOLVED
 from blendcap.numerics._products import add_products, aligned, panels
 
-MOST = 20  # rounds before a frame is left to them
+MOST = 8  # rounds before a frame is left to them
 FEWEST = 4  # frames for which a round of eight is worth its while
 
 
@@ -34,14 +34,15 @@ def settle_run(box, columns, states, todo, weights, rounds, run):
     gram, lower, upper, m = box[0], box[3], box[4], weights.shape[1]
     mine, eight = np.flatnonzero(todo[run[0] : run[1]]) + run[0], np.empty(WIDTH, np.int64)
     vectors, free, work = workspace_eight(m, gram.shape[1])
-    count = mine.size
+    count, order, starts = mine.size, np.empty(mine.size, np.int64), np.empty(m + 2, np.int64)
     for r in range(1, MOST + 1):
         if count < FEWEST:
             break
         left = 0
+        sort(mine[:count], states, order, starts)
         for group in range(0, count, WIDTH):
             for k in range(WIDTH):
-                eight[k] = mine[min(group + k, count - 1)]
+                eight[k] = order[min(group + k, count - 1)]
             n = take_up(eight, box, states, vectors, free)
             solve(gram.ravel(), columns, lower, upper, vectors, free, n, work)
             judge_eight(lower, upper, vectors, work)
@@ -54,6 +55,25 @@ def settle_run(box, columns, states, todo, weights, rounds, run):
                     mine[left] = t
                     left += 1
         count = left
+
+
+@njit(error_model="numpy", cache=True)
+def sort(mine, states, order, starts):
+    """`order` becomes the frames in the order of how many of their unknowns are free: lanes wait for the slowest."""
+    starts[:] = 0
+    for t in mine:
+        n = 1
+        for i in range(states.shape[1]):
+            n += states[t, i] == FREE
+        starts[n] += 1
+    for n in range(starts.size - 1):
+        starts[n + 1] += starts[n]
+    for t in mine:
+        n = 0
+        for i in range(states.shape[1]):
+            n += states[t, i] == FREE
+        order[starts[n]] = t
+        starts[n] += 1
 
 
 @njit(error_model="numpy", cache=True)
