@@ -7,8 +7,9 @@ from hypothesis import strategies as st
 
 from blendcap import InputError
 from blendcap.numerics import _descent
+from blendcap.numerics._boxproblem import box_problem
 from blendcap.numerics._pivoting import workspace
-from blendcap.numerics.boxls import solve_box
+from blendcap.numerics.boxls import idle_unknowns, solve_box
 
 
 def make(frames, n, seed=0, extra=5):
@@ -196,6 +197,24 @@ def test_the_safety_net_alone_finds_the_optimum():
         )  # fmt: skip
         assert rounds > 0
         same(x / scale, a, 1e-10)
+
+
+def test_unknowns_that_stay_at_zero_are_left_out_and_come_back_where_they_are_wanted():
+    gram, linear = make(1600, 24, 18)
+    linear[:, 12:] += 200
+    linear[777, 20] = linear[1201, [13, 15]] = -400
+    linear[1300, 3] = np.nan
+    idle = idle_unknowns(box_problem(gram, linear, None, 0, 1, None, None), np.isfinite(linear).all(1))
+    assert idle[12:].all()
+    assert not idle.all()
+    weights, certificate = solve_box(gram, linear)
+    assert (weights[777, 20] > 0) & (weights[1201, 13] > 0)
+    assert (weights[:, 12:] == 0).sum() > 12 * 1590
+    assert np.isnan(weights[1300]).all()
+    assert np.nanmax(np.where(np.isinf(certificate.residuals), 0, certificate.residuals)) < 1e-12
+    same(weights[700:1300], solve_box(gram, linear[700:1300])[0])
+    shifted, _ = solve_box(gram, linear - 0.5 * gram.sum(0), lower=0.5, upper=1.5)
+    same(shifted - 0.5, weights)
 
 
 def test_no_frames_is_no_work():

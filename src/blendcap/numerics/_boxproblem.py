@@ -34,11 +34,6 @@ class BoxProblem:
     missing: np.ndarray
 
     @property
-    def usable(self) -> np.ndarray:
-        """(T,) bool: the frames whose numbers are all finite."""
-        return np.asarray(np.isfinite(self.linear).all(1) & np.isfinite(self.diagonal).all(1))
-
-    @property
     def curvature(self) -> np.ndarray:
         """(N,) the diagonal of the Gram matrix and of what every frame adds to it, at least FLOOR of the largest."""
         with np.errstate(invalid="ignore"):
@@ -46,13 +41,10 @@ class BoxProblem:
         curvature = np.diag(self.gram) + np.where(np.isfinite(least), least, 0.0)
         return np.maximum(curvature, FLOOR * max(curvature.max(), np.finfo(float).tiny / FLOOR))
 
-    def without_gaps(self, usable: np.ndarray) -> BoxProblem:
-        """The same problem with zeros in the frames that hold numbers that are not finite."""
-        if usable.all():
-            return self
-        linear = np.where(usable[:, None], self.linear, 0.0)
-        diagonal = self.diagonal if len(self.diagonal) == 1 else np.where(usable[:, None], self.diagonal, 0.0)
-        return replace(self, linear=linear, diagonal=diagonal)
+    def of_frames(self, chosen: np.ndarray) -> BoxProblem:
+        """The problem of the chosen frames."""
+        diagonal = self.diagonal if len(self.diagonal) == 1 else self.diagonal[chosen]
+        return replace(self, linear=self.linear[chosen], diagonal=diagonal, missing=self.missing[chosen])
 
     def arrays(self) -> tuple[np.ndarray, ...]:
         """The fields as the kernels take them: the Gram matrix padded by a row and some columns of zeros.
@@ -111,10 +103,12 @@ def blocks(frames: int, least: int = 1) -> int:
     return max(1, min(BLOCKS, frames // least))
 
 
-def accuracy(weights: np.ndarray) -> float:
+def accuracy(problem: BoxProblem, weights: np.ndarray) -> float:
     """The residual up to which weights of this size count as optimal."""
-    finite = np.abs(weights[np.isfinite(weights)])
-    return TOLERANCE * max(1.0, float(finite.max(initial=0.0)))
+    size = max(np.abs(problem.lower).max(), np.abs(problem.upper).max())
+    if size > 1:  # the bounds do not tell
+        size = np.abs(weights[np.isfinite(weights)]).max(initial=0.0)
+    return TOLERANCE * max(1.0, float(size))
 
 
 def _bound(values: ArrayLike, n: int, what: str) -> np.ndarray:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
+from blendcap.numerics._boxproblem import BoxProblem, blocks
 from blendcap.numerics._lanes import WIDE, fill, load, spread, store, where_less
 
 STEPS = 12
@@ -23,16 +24,16 @@ def aligned_singles(count):
 
 
 @njit(parallel=True, error_model="numpy", cache=True)
-def guess_all(unbound, matrix, single, states, steps, blocks):
-    """Over-relaxed ADMM, sixteen frames at a time."""
+def guess_all(unbound, diagonal, matrix, single, states, steps, count):
+    """Over-relaxed ADMM, thirty-two frames at a time. `unbound` is minus their regularised answers without bounds."""
     frames = len(unbound)
     size = WIDE * 8 * len(matrix)
-    for b in prange(blocks):
+    for b in prange(count):
         c, r, x, u = aligned_singles(size), aligned_singles(size), aligned_singles(size), aligned_singles(size)
         w, v = aligned_singles(size), aligned_singles(size)
-        end = (b + 1) * frames // blocks
-        for first in range(b * frames // blocks, end, WIDE):
-            begin(unbound, single, first, end, (c, r, x, u, w))
+        end = (b + 1) * frames // count
+        for first in range(b * frames // count, end, WIDE):
+            begin(unbound, diagonal, single, first, end, (c, r, x, u, w))
             for _ in range(steps // 2):
                 step(matrix, single, (c, r, x, u), w, v)
                 step(matrix, single, (c, r, x, u), v, w)
@@ -40,17 +41,17 @@ def guess_all(unbound, matrix, single, states, steps, blocks):
 
 
 @njit(error_model="numpy", cache=True)
-def begin(unbound, single, first, end, vectors):
-    """Bring sixteen frames into the lanes; begin with the unbound answer, clipped."""
-    penalty, slack, lower, upper = single
+def begin(unbound, diagonal, single, first, end, vectors):
+    """Bring thirty-two frames into the lanes; begin with the unbound answer, clipped."""
+    most, lower, upper = single
     c, r, x, u, w = vectors
     m = unbound.shape[1]
     for k in range(WIDE):
         t = min(first + k, end - 1)
-        f, e = unbound[t], slack[t if len(slack) > 1 else 0]
+        f, d = unbound[t], diagonal[t if len(diagonal) > 1 else 0]
         for i in range(m):
             c[WIDE * i + k] = f[i]
-            r[WIDE * i + k] = penalty[i] + e[i]
+            r[WIDE * i + k] = most[i] - d[i]
     for i in range(m):
         o = WIDE * i
         value = fill(np.float32(0)) - load(c, o)
@@ -69,7 +70,7 @@ def clip(value, low, high):
 @njit(error_model="numpy", cache=True)
 def step(matrix, single, vectors, w, v):
     """One step of all unknowns, eight at a time: from w to the v of the next step."""
-    _, _, lower, upper = single
+    _, lower, upper = single
     passes, m, _ = matrix.shape
     flat = matrix.ravel()
     zero = fill(np.float32(0))
@@ -110,38 +111,39 @@ def relax(vectors, lower, upper, i, product, v):
 @njit(error_model="numpy", cache=True)
 def finish(single, x, states, first, last):
     """The states of the frames from first to last."""
-    _, _, lower, upper = single
+    _, lower, upper = single
     for k in range(last - first):
         for i in range(states.shape[1]):
             z = x[WIDE * i + k]
             states[first + k, i] = np.int8(z > lower[i]) + np.int8(z >= upper[i])
 
 
-def penalties(least):
-    """(N,) the penalty of each unknown: a power of its curvature once all others may follow, but no more than its
-    curvature once the one that is most like it may follow."""
-    scale = np.sqrt(np.diag(least))
-    alike = np.abs(least / np.outer(scale, scale)) - np.eye(len(least))
-    return np.minimum(PENALTY / np.diag(np.linalg.inv(least)) ** POWER, scale**2 * (1 - alike.max(1) ** 2))
+class Guesser:
+    """Guesses for the frames of one scaled problem.
 
-
-def guess_states(gram, diagonal, linear, lower, upper, blocks):
-    """(T, N) int8 guessed states of all frames.
-
-    The penalty of an unknown is a multiple of its curvature once the others may follow, `1 / (G^-1)_ii`: that puts
-    near-collinear unknowns (the two directions of a motion) on the scale of what tells them apart, and needs a third
-    of the steps of a constant. A frame's own diagonal is absorbed in its penalty: all frames share one inverse.
+    The penalty of an unknown is a power of its curvature once the others may follow, `1 / (G^-1)_ii`: that puts
+    near-collinear unknowns on the scale of what tells them apart, and needs a third of the steps of a constant. It is
+    no more than the curvature once the most similar one may follow: the two directions of one motion would take long
+    to agree which of them is free. A frame's own diagonal is absorbed in its penalty: all frames share one inverse.
     """
-    m = len(lower)
-    top = diagonal.max(0)
-    shared = gram + np.diag(top + 1e-10)  # a singular matrix must not stop a guess
-    penalty = penalties(gram + np.diag(diagonal.min(0) + 1e-10))
-    inverse = np.linalg.inv(shared + np.diag(penalty))
-    width = (m + 7) & -8
-    matrix = aligned_singles(width * m).reshape(width // 8, m, 8)  # what a pass of `step` reads lies together
-    matrix[:] = np.pad(inverse, ((0, 0), (0, width - m))).reshape(m, width // 8, 8).swapaxes(0, 1)
-    states = np.empty(linear.shape, np.int8)
-    bounds = (np.pad(v, (0, width - m)) for v in (lower, upper))
-    single = tuple(np.asarray(v, np.float32) for v in (penalty, top - diagonal, *bounds))
-    guess_all(linear @ inverse, matrix, single, states, STEPS, blocks)
-    return states
+
+    def __init__(self, problem: BoxProblem):
+        gram, diagonal = problem.gram, problem.diagonal
+        n, ridge = len(gram), 1e-10  # a singular matrix must not stop a guess
+        least = gram + np.diag(diagonal.min(0) + ridge)
+        scale = np.sqrt(np.diag(least))
+        alike = np.abs(least / np.outer(scale, scale)) - np.eye(n)
+        penalty = np.minimum(PENALTY / np.diag(np.linalg.inv(least)) ** POWER, scale**2 * (1 - alike.max(1) ** 2))
+        most = diagonal.max(0) + ridge + penalty
+        self.inverse = np.linalg.inv(gram + np.diag(most))
+        width = (n + 7) & -8
+        self.matrix = aligned_singles(width * n).reshape(width // 8, n, 8)  # what a pass of `step` reads lies together
+        self.matrix[:] = np.pad(self.inverse, ((0, 0), (0, width - n))).reshape(n, width // 8, 8).swapaxes(0, 1)
+        self.single = tuple(np.pad(v, (0, width - n)).astype(np.float32) for v in (most, problem.lower, problem.upper))
+
+    def states(self, problem: BoxProblem) -> np.ndarray:
+        """(T, N) int8 guessed states of all frames of the problem, or of some of them."""
+        states = np.empty(problem.linear.shape, np.int8)
+        count = blocks(len(states), MANY)
+        guess_all(problem.linear @ self.inverse, problem.diagonal, self.matrix, self.single, states, STEPS, count)
+        return states

@@ -101,14 +101,22 @@ def gather(_, array, rows, row, columns, column):
     lanes = KINDS[array.dtype]
 
     def generate(context, builder, signature, args):
+        offsets = ir.VectorType(ir.IntType(64), lanes.count)
+        at = []
+        for index, first in ((rows, args[1:3]), (columns, args[3:5])):
+            at.append(builder.load(builder.bitcast(_address(context, builder, index, *first), offsets.as_pointer())))
+            at[-1].align = 8
+        size = ir.Constant(offsets, [array.dtype.bitwidth // 8] * lanes.count)
         data = context.make_array(array)(context, builder, args[0]).data
-        first, second = (_address(context, builder, rows, *args[1:3]), _address(context, builder, columns, *args[3:5]))
-        value = ir.Constant(_vector(lanes), ir.Undefined)
-        for k in range(lanes.count):
-            lane = ir.Constant(ir.IntType(32), k)
-            offset = builder.add(*(builder.load(builder.gep(p, [lane])) for p in (first, second)))
-            value = builder.insert_element(value, builder.load(builder.gep(data, [offset])), lane)
-        return value
+        start = _splat(builder, offsets, builder.ptrtoint(data, offsets.element))
+        places = builder.add(start, builder.mul(size, builder.add(*at)))
+        pointers = builder.inttoptr(places, ir.VectorType(data.type, lanes.count))
+        every = ir.Constant(ir.VectorType(ir.IntType(1), lanes.count), [1] * lanes.count)
+        vector = _vector(lanes)
+        given = [pointers, ir.Constant(ir.IntType(32), 8), every, ir.Constant(vector, ir.Undefined)]
+        name = f"llvm.masked.gather.v{lanes.count}f{lanes.scalar.bitwidth}.v{lanes.count}p0"
+        kind = ir.FunctionType(vector, [value.type for value in given])
+        return builder.call(cgutils.get_or_insert_function(builder.module, kind, name), given)
 
     return lanes(array, rows, types.int64, columns, types.int64), generate
 

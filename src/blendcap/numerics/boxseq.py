@@ -7,11 +7,13 @@ import logging
 import numpy as np
 from numpy.typing import ArrayLike
 
+from blendcap.data.checks import array
 from blendcap.data.errors import InputError
 from blendcap.data.solution import Certificate
 from blendcap.numerics._boxproblem import accuracy, box_problem, residuals
 from blendcap.numerics._newton import Sequence
-from blendcap.numerics.boxls import first_states, scaled_problem
+from blendcap.numerics._scaling import scaled_problem, usable_frames
+from blendcap.numerics.boxls import first_states
 
 log = logging.getLogger(__name__)
 
@@ -48,9 +50,10 @@ def solve_box_sequence(
         The optimality residual of every frame, formed from the weights alone; `iterations` counts Newton steps.
     """
     problem = box_problem(gram, linear, diagonal, lower, upper, rows, missing)
-    usable = problem.usable
+    usable = usable_frames(problem)
+    start = None if start is None else array(start, problem.linear.shape, "start")
     links = _links(coupling, usable, problem.linear.shape)
-    scaled, scale = scaled_problem(problem.without_gaps(usable))
+    scaled, scale = scaled_problem(problem, usable, np.arange(len(problem.gram)))
     weights, steps = Sequence(scaled, links / scale**2, first_states(scaled, scale, start)).solve()
     log.debug("%d frames in %d Newton steps", len(weights), steps)
     weights /= scale
@@ -58,7 +61,7 @@ def solve_box_sequence(
     weights[~usable] = np.nan
     worst = residuals(problem, weights, links)
     largest = float(worst.max(initial=0.0))
-    return weights, Certificate(largest, steps, largest <= accuracy(weights), worst)
+    return weights, Certificate(largest, steps, largest <= accuracy(problem, weights), worst)
 
 
 def _links(coupling: ArrayLike, usable: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
