@@ -42,6 +42,10 @@ ACTIONS = {
     "blink": "eyeBlink*",
     "squint": "eyeSquint*",
     "wide eyes": "eyeWide*",
+    "eyes squeezed": "eyeSqueeze*",
+    "nostrils wide": "nostrilDilate*",
+    "lips tightened": "mouthTightenUpper* mouthTightenLower*",
+    "neck tightened": "neckTighten*",
 }
 INNER = ("eyes", "teeth", "tongue", "mouth", "sockets")
 COMPONENTS = 12
@@ -77,7 +81,7 @@ def ridge(neutrals: np.ndarray, targets: np.ndarray, asked: np.ndarray) -> np.nd
 
 
 def measure(people: int, held_out: int) -> tuple[list[str], np.ndarray]:
-    """A row for each action, and the summed squares of motion, and of what is left by mean, transfer and ridge."""
+    """A row for each action, and (A, 4) the summed squares of its motion, and of what mean, transfer and ridge leave."""
     plain = blendcap.mannequin(0)
     skin = np.setdiff1d(plain.moving_vertices(), np.concatenate([plain.regions[n] for n in INNER]))
     judged = {a: skin[np.linalg.norm(offsets(plain, a, skin), axis=1) > MOVES] for a in ACTIONS}
@@ -94,16 +98,16 @@ def measure(people: int, held_out: int) -> tuple[list[str], np.ndarray]:
             moved = blendcap.transfer_rig(template, rig.mesh)
             for a in ACTIONS:
                 carried[a].append(offsets(moved, a, judged[a]))
-    rows, sums = [], np.zeros(4)
+    rows, sums = [], []
     for a in ACTIONS:
         learnt, true = np.array(known[a]), np.array(tested[a])
         regressed = ridge(np.array(known["neutral"]), learnt.reshape(people, -1), np.array(tested["neutral"]))
         guesses = 0, learnt.mean(0), np.array(carried[a]), regressed.reshape(true.shape)
         squares = np.array([((true - guess) ** 2).sum() for guess in guesses])
-        sums += squares
+        sums.append(squares)
         lengths = " | ".join(f"{v:.3f}" for v in np.sqrt(3 * squares / true.size))
         rows.append(f"| {a} | {lengths} | {explained(squares[2], squares[1])} | {explained(squares[3], squares[1])} |")
-    return rows, sums
+    return rows, np.array(sums)
 
 
 def explained(left: float, of: float) -> str:
@@ -132,14 +136,16 @@ def main() -> None:
     parser.add_argument("--people", type=int, default=48)
     parser.add_argument("--held-out", type=int, default=12)
     given = parser.parse_args()
-    rows, sums = measure(given.people, given.held_out)
+    rows, each = measure(given.people, given.held_out)
+    sums, least = each.sum(0), (each[:, 1] / each[:, 0]).argmax()
     head = f"""{given.held_out} mannequins guessed from {given.people} others, over the skin that the plain person moves
 by more than {MOVES} mm. Root mean square, mm; what is explained is a part of what the mean offset leaves.
 
 | action | motion | left by mean offset | by transfer | by ridge | transfer explains | ridge explains |
 |---|---|---|---|---|---|---|"""
     tail = f"""
-The mean offset explains {explained(sums[1], sums[0])} of the motion. Of the rest, which is what differs from person to
+The mean offset explains {explained(sums[1], sums[0])} of the motion (least: {list(ACTIONS)[least]},
+{explained(*each[least, 1::-1])}). Of the rest, which is what differs from person to
 person, transfer from the plain person explains {explained(sums[2], sums[1])} (below 0: worse than the mean), ridge
 regression on {COMPONENTS} components of the neutral {explained(sums[3], sums[1])}. These people come from one program
 with thirty measures: regression has an easier time with them than with real ones."""

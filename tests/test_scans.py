@@ -16,7 +16,7 @@ SPACING = 3.0
 
 @pytest.fixture(scope="module")
 def rig():
-    return mannequin(3)
+    return mannequin(3, 52)
 
 
 @pytest.fixture(scope="module")
