@@ -81,7 +81,7 @@ def ridge(neutrals: np.ndarray, targets: np.ndarray, asked: np.ndarray) -> np.nd
 
 
 def measure(people: int, held_out: int) -> tuple[list[str], np.ndarray]:
-    """A row for each action, and (A, 4) the summed squares of its motion, and of what mean, transfer and ridge leave."""
+    """A row an action, and summed squares (A, 4): of the motion, and of what mean, transfer and ridge leave."""
     plain = blendcap.mannequin(0)
     skin = np.setdiff1d(plain.moving_vertices(), np.concatenate([plain.regions[n] for n in INNER]))
     judged = {a: skin[np.linalg.norm(offsets(plain, a, skin), axis=1) > MOVES] for a in ACTIONS}

@@ -98,8 +98,8 @@ def make_performer(
     strength : float
         0 is the rig itself; 1 is the mismatch that the accuracy figures state.
     resistance : float
-        How far the skin is from linear: 1 gives shapes that are up to 6 % ahead of their weight half-way, some more
-        than others, and left and right much alike; 0, which the accuracy figures state, none.
+        How far the skin is from linear. At 1 a shape is 6 % ahead of its weight half-way on average, some more than
+        others, left and right much alike; at 0, which the accuracy figures state, the skin is linear.
     identity : (V, 3) float64, optional
         Added to the neutral, mm.
     """
