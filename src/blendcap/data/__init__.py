@@ -4,6 +4,7 @@ from blendcap.data.animation import Animation
 from blendcap.data.binding import Binding
 from blendcap.data.camera import Camera
 from blendcap.data.errors import InputError
+from blendcap.data.landmark_model import LandmarkModel
 from blendcap.data.mesh import Mesh, triangulate
 from blendcap.data.rig import Rig
 from blendcap.data.solution import Certificate, Solution
@@ -16,6 +17,7 @@ __all__ = [
     "Camera",
     "Certificate",
     "InputError",
+    "LandmarkModel",
     "LandmarkTake",
     "MarkerTake",
     "Mesh",
