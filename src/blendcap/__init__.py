@@ -36,6 +36,8 @@ _HOMES = {
     # the stage
     "mannequin": "synthetic.mannequin",
     # modeling
+    "find_landmarks": "modeling.landmarks",
+    "train_landmarks": "modeling.training",
     "register": "modeling.registration",
     "transfer_rig": "modeling.transfer",
     # solving
@@ -73,7 +75,9 @@ if TYPE_CHECKING:
     from blendcap.markers.binding import bind as bind
     from blendcap.markers.solve import solve as solve
     from blendcap.metrics import evaluate as evaluate
+    from blendcap.modeling.landmarks import find_landmarks as find_landmarks
     from blendcap.modeling.registration import register as register
+    from blendcap.modeling.training import train_landmarks as train_landmarks
     from blendcap.modeling.transfer import transfer_rig as transfer_rig
     from blendcap.numerics.boxls import solve_box as solve_box
     from blendcap.solving.settings import SolveSettings as SolveSettings

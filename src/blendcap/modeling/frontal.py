@@ -63,15 +63,14 @@ def frontal(mesh: Mesh, place: np.ndarray, size: int = SIZE, pixel: float = PIXE
     image = np.stack(channels, 2).astype(np.float32)
     hidden = seen.face < 0
     if hidden.any() and not hidden.all():
-        rows, columns = distance_transform_edt(hidden, return_distances=False, return_indices=True)
-        image = image[rows, columns]
+        image = image[_nearest(~hidden)]
     return Frontal(image, seen, project(vertices, camera)[0])
 
 
 def frontal_camera(size: int = SIZE, pixel: float = PIXEL) -> Camera:
     """The camera of the picture."""
     focal, middle = DISTANCE / pixel, (size - 1) / 2
-    pose = look_at(MIDDLE + [0, 0, DISTANCE], MIDDLE)
+    pose = look_at(MIDDLE + np.array([0, 0, DISTANCE]), MIDDLE)
     return Camera(np.array([[focal, 0, middle], [0, focal, middle], [0, 0, 1.0]]), pose)
 
 
@@ -91,7 +90,7 @@ def lift(seen: Fragments, corners: np.ndarray, names, pixels: np.ndarray) -> Sur
         Pixels of the triangles' corners.
     """
     known = seen.face >= 0
-    rows, columns = distance_transform_edt(~known, return_distances=False, return_indices=True)
+    rows, columns = _nearest(known)
     height, width = known.shape
     x, y = np.clip(np.round(pixels).astype(int), 0, [width - 1, height - 1]).T
     near = rows[y, x], columns[y, x]
@@ -102,6 +101,12 @@ def lift(seen: Fragments, corners: np.ndarray, names, pixels: np.ndarray) -> Sur
     weights = np.where(np.isfinite(weights).all(1, keepdims=True), weights, seen.barycentric[near])
     weights = np.clip(weights, 0, 1)
     return SurfacePoints(tuple(names), face, weights / weights.sum(1, keepdims=True))
+
+
+def _nearest(known: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Row and column (H, W) of the known pixel nearest to each pixel."""
+    places = np.asarray(distance_transform_edt(~known, return_distances=False, return_indices=True))
+    return places[0], places[1]
 
 
 def _weights(corners: np.ndarray, pixels: np.ndarray) -> np.ndarray:
@@ -124,6 +129,7 @@ def _brightness(mesh: Mesh, vertices: np.ndarray, camera: Camera, seen: Fragment
     corners = np.concatenate([project(vertices, camera)[0], np.ones((len(vertices), 1))], 1)
     level, uv, uv_faces = texture_of(mesh, slice(None)).at(corners, mesh.faces)
     at = (seen.barycentric[..., None] * uv[uv_faces[seen.face]]).sum(2)
-    x, y = at[..., 0] * level.shape[1] - 0.5, (1 - at[..., 1]) * level.shape[0] - 0.5
+    x = (at[..., 0] * level.shape[1] - 0.5).astype(np.float32)
+    y = ((1 - at[..., 1]) * level.shape[0] - 0.5).astype(np.float32)
     grey = level.astype(np.float32).mean(2) / 255
-    return cv2.remap(grey, x.astype(np.float32), y.astype(np.float32), cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return cv2.remap(grey, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)

@@ -34,13 +34,13 @@ def describe(maps: np.ndarray, pixels: np.ndarray, cells: int, cell: int) -> np.
     """
     height, width, depth = maps.shape
     reach = (np.arange(cells) - (cells - 1) / 2) * cell
-    corner = np.round(np.asarray(pixels)[:, None, :] + np.stack([reach, reach], 1)[None]).astype(int)  # (P, cells, 2)
+    corner = np.round(np.asarray(pixels)[:, None] + np.stack([reach, reach], 1)[None]).astype(int)  # (P, cells, 2)
     columns, rows = np.clip(corner[..., 0], 0, width - 1), np.clip(corner[..., 1], 0, height - 1)
     values = maps[rows[:, :, None], columns[:, None, :]]  # (P, cells, cells, C * BINS)
     values = values.reshape(len(values), cells, cells, depth // BINS, BINS).transpose(0, 3, 1, 2, 4)
     values = values.reshape(len(values), depth // BINS, -1)
     values = np.minimum(_unit(values, FAINT * np.sqrt(values.shape[2]) / BINS), CLIP)
-    return (_unit(values, 1e-6) / np.sqrt(values.shape[1])).reshape(len(values), -1)
+    return _unit(values, 1e-6).reshape(len(values), -1) / np.float32(np.sqrt(values.shape[1]))
 
 
 def _directions(channel: np.ndarray) -> np.ndarray:
@@ -60,4 +60,5 @@ def _directions(channel: np.ndarray) -> np.ndarray:
 
 
 def _unit(values: np.ndarray, floor: float) -> np.ndarray:
-    return values / np.sqrt((values**2).sum(-1, keepdims=True) + floor**2)
+    squares = np.einsum("...i,...i->...", values, values)
+    return values / np.sqrt(squares + np.float32(floor**2))[..., None]

@@ -7,29 +7,36 @@ import numpy as np
 ROUNDS = 100
 
 
-def mean_shift(points: np.ndarray, bandwidth: float) -> tuple[np.ndarray, np.ndarray]:
-    """Centers (K, D) of the clusters of points (P, D), and how many points belong to each (K,), largest first.
+def mean_shift(
+    points: np.ndarray, bandwidth: float, weights: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Centers (K, D) of the clusters of points (P, D), and the weight of the points in each (K,), largest first.
 
     Each point climbs to the mean of the points within `bandwidth` until it stands still; points that end within
-    half a bandwidth of each other are one cluster.
+    half a bandwidth of each other are one cluster. Without weights (P,) every point counts 1.
     """
     points = np.asarray(points, dtype=np.float64)
+    weights = np.ones(len(points)) if weights is None else np.asarray(weights, dtype=np.float64)
     seeds = points.copy()
     for _ in range(ROUNDS):
-        near = ((seeds[:, None] - points[None]) ** 2).sum(2) <= bandwidth**2
-        moved = near @ points / near.sum(1, keepdims=True)
+        near = (_squared(seeds, points) <= bandwidth**2) * weights
+        total = near.sum(1, keepdims=True)
+        moved = np.where(total > 0, near @ points / np.maximum(total, 1e-300), seeds)
         if np.allclose(moved, seeds, atol=1e-3 * bandwidth):
             break
         seeds = moved
-    centers: list[np.ndarray] = []
-    sizes: list[int] = []
-    density = (((seeds[:, None] - points[None]) ** 2).sum(2) <= bandwidth**2).sum(1)
+    density = (_squared(seeds, points) <= bandwidth**2) @ weights
+    centers, sizes = [], []
     left = np.ones(len(seeds), dtype=bool)
-    for seed in np.argsort(-density, kind="stable"):
+    for seed in np.argsort(np.negative(density), kind="stable"):
         if left[seed]:
             own = left & (((seeds - seeds[seed]) ** 2).sum(1) <= (bandwidth / 2) ** 2)
             centers.append(seeds[seed])
-            sizes.append(int(own.sum()))
+            sizes.append(weights[own].sum())
             left &= ~own
-    order = np.argsort(-np.array(sizes, dtype=int), kind="stable")
-    return np.array(centers).reshape(-1, points.shape[1])[order], np.array(sizes, dtype=int)[order]
+    order = np.argsort(np.negative(sizes), kind="stable")
+    return np.array(centers).reshape(-1, points.shape[1])[order], np.array(sizes)[order]
+
+
+def _squared(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    return ((one[:, None] - other[None]) ** 2).sum(2)

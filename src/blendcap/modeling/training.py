@@ -10,7 +10,6 @@ from blendcap.data import InputError, LandmarkModel
 from blendcap.modeling.hog import cell_maps, describe
 
 EXEMPLARS = 30  # pictures whose own descriptors become filters, in the thesis' way
-RADIUS = 0.02  # of the picture's width: a place this near to the rectangle's middle is the right one
 ELSEWHERE = 120  # wrong places looked at in each picture
 SPREAD = 0.002  # least deviation of the prior, of the picture's width
 RIDGE = 0.05  # of the mean variance, added to the covariance of descriptors
@@ -23,6 +22,7 @@ def train_landmarks(
     method: str = "discriminant",
     cells: int = 4,
     cell: int = 8,
+    radius: float = 0.02,
     places: np.ndarray | None = None,
     seed: int = 0,
 ) -> LandmarkModel:
@@ -39,6 +39,8 @@ def train_landmarks(
         the descriptors of up to 30 pictures themselves.
     cells, cell : int
         A descriptor sees `cells` x `cells` cells of `cell` pixels; the thesis' HOG of size 32 is 4 x 8.
+    radius : float
+        Of the pictures' width: a place this near to a rectangle's middle is a right one; the thesis' 20 pixels in 1024.
     places : (L, 3), optional
         Where the points lie on an average face, mm.
     seed : int
@@ -54,7 +56,7 @@ def train_landmarks(
     pictures, names, centers = _checked(images, rectangles)
     rng = np.random.default_rng(seed)
     height, width, channels = pictures[0].shape
-    examples = [_examples(p, c, cells, cell, rng) for p, c in zip(pictures, centers, strict=True)]
+    examples = [_examples(p, c, (cells, cell), radius * width, rng) for p, c in zip(pictures, centers, strict=True)]
     if method == "exemplars":
         filters = np.stack([right[:, 0] for right, _ in examples[:EXEMPLARS]], 1)
     else:
@@ -107,13 +109,12 @@ def _checked(images, rectangles) -> tuple[list[np.ndarray], tuple[str, ...], np.
     return pictures, names, centers
 
 
-def _examples(picture, centers, cells, cell, rng) -> tuple[np.ndarray, np.ndarray]:
+def _examples(picture, centers, square, radius, rng) -> tuple[np.ndarray, np.ndarray]:
     """Descriptors (L, 5, D) of right places, the first at the point itself, and (L, M, D) of wrong ones."""
-    maps = cell_maps(picture, cell)
+    maps = cell_maps(picture, square[1])
     height, width = picture.shape[:2]
-    radius = max(RADIUS * width, 2)
     near = np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]]) * max(0.1 * radius, 1)
-    right = describe(maps, (centers[:, None] + near).reshape(-1, 2), cells, cell).reshape(len(centers), len(near), -1)
+    right = describe(maps, (centers[:, None] + near).reshape(-1, 2), *square).reshape(len(centers), len(near), -1)
     anywhere = rng.uniform(0, [width - 1, height - 1], size=(ELSEWHERE // 2, 2))
     turn = rng.uniform(0, 2 * np.pi, ELSEWHERE // 2)
     around = np.stack([np.cos(turn), np.sin(turn)], 1) * radius * rng.uniform(1, 4, (len(turn), 1))
@@ -122,7 +123,7 @@ def _examples(picture, centers, cells, cell, rng) -> tuple[np.ndarray, np.ndarra
         spots = np.concatenate([anywhere, center + around])
         far = ((spots - center) ** 2).sum(1) > radius**2
         spots = spots[np.resize(np.flatnonzero(far), len(spots))]
-        wrong.append(describe(maps, spots, cells, cell))
+        wrong.append(describe(maps, spots, *square))
     return right, np.stack(wrong)
 
 

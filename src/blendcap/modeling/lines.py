@@ -1,0 +1,62 @@
+"""The lines of lips and lids in a picture, from corner to corner."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from blendcap.data import LandmarkModel
+from blendcap.modeling.contours import Weights, ribbon, sampled, trace_exact, trace_icm
+from blendcap.modeling.detection import log_odds, scores_at
+from blendcap.modeling.hog import cell_maps
+from blendcap.modeling.landmark_names import ENDS, LINES, ON_A_LINE, along, contact_of, line_names
+
+REACH = 0.35  # of a line's length, how far it may leave the straight line
+PAPER_REACH = 50  # pixels of a texture of 1024
+LEARNED = Weights(even=0.0, dark=1.0, smooth=0.5)  # for log-odds
+PAPER = Weights(even=1.0, dark=1.0, smooth=0.02)  # for brightness over its own deviation
+LOWEST = -20.0  # log-odds; one odd place must not decide
+
+
+def trace_learned(image: np.ndarray, found: Mapping[str, np.ndarray], model: LandmarkModel) -> dict[str, np.ndarray]:
+    """Pixels (W, 2) of each line whose corners were found: the line of the highest log-odds, smooth."""
+    maps = cell_maps(image, model.cell)
+    lines = {}
+    for line in LINES:
+        start, end = (found[name] for name in ENDS[contact_of(line)[0]])
+        if not np.isfinite([start, end]).all():
+            continue
+        strip = ribbon(start, end, max(round(REACH * float(np.hypot(*(end - start)))), 2))
+        rows = [model.names.index(name) for name in line_names(line)]
+        scores = scores_at(maps, strip.reshape(-1, 2), model)[:, rows].max(2)
+        odds = np.stack([log_odds(scores[:, k], model.good[r], model.bad[r]) for k, r in enumerate(rows)], 1)
+        odds = np.maximum(odds, LOWEST).reshape(*strip.shape[:2], -1)
+        cost = -np.einsum("hwk,wk->hw", odds, _shares(strip.shape[1]))
+        lines[line] = strip[trace_exact(cost, LEARNED), np.arange(strip.shape[1])]
+    return lines
+
+
+def trace_paper(image: np.ndarray, found: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Pixels (W, 2) of each line in the thesis' way: the dark one, the same above and below."""
+    lines = {}
+    for line in LINES:
+        start, end = (found[name] for name in ENDS[contact_of(line)[0]])
+        if not np.isfinite([start, end]).all():
+            continue
+        strip = ribbon(start, end, PAPER_REACH)
+        values = sampled(image, strip)
+        cost = (values - values.mean()) / max(float(values.std()), 1e-6)
+        lines[line] = strip[trace_icm(cost, PAPER), np.arange(strip.shape[1])]
+    return lines
+
+
+def line_points(line: str, pixels: np.ndarray) -> tuple[list[str], np.ndarray]:
+    """Names and pixels of evenly spaced points on a line of pixels (W, 2)."""
+    return line_names(line), along(pixels)[0]
+
+
+def _shares(width: int) -> np.ndarray:
+    """How much each learned point of a line speaks for each column, (W, ON_A_LINE): the two nearest share it."""
+    at = np.clip(np.linspace(0, ON_A_LINE + 1, width) - 1, 0, ON_A_LINE - 1)
+    return np.maximum(1 - np.abs(at[:, None] - np.arange(ON_A_LINE)), 0)
