@@ -181,7 +181,7 @@ def test_dots_survive_the_file(tmp_path):
 
 
 def middle(picture, pixel):
-    """The middle of what stands out in a window, as a tracker of dots finds it; NaN where it is no bright, whole dot."""
+    """The middle of what stands out in a window, as a tracker finds it; NaN where it is no bright, whole dot."""
     column, row = np.round(pixel).astype(int)
     window = picture[row - 5 : row + 6, column - 5 : column + 6].astype(float)
     weight = (window - 0.5 * (window.max() + np.median(window))).clip(0)
