@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit, prange
 
 from blendcap.numerics._cholesky import FAST
-from blendcap.numerics._lanes import WIDTH, fill, load, some, spread, store, where_less
+from blendcap.numerics._lanes import WIDTH, bring, fill, lane_columns, load, some, spread, store, where_less
 from blendcap.numerics._products import add_products, aligned, panels
 
 
@@ -53,28 +53,30 @@ def worst_apart(box, curvature, x, worst, blocks):
     columns = panels(box[0])
     for b in prange(blocks):
         vectors = aligned(WIDTH * width), aligned(WIDTH * width), aligned(WIDTH * width), np.zeros(width, np.int64)
+        index = np.zeros(WIDTH, np.int64), lane_columns(width)
         result = aligned(WIDTH)
         end = (b + 1) * frames // blocks
         for first in range(b * frames // blocks, end, WIDTH):
-            worst_eight(box, columns, curvature, x, first, end, vectors, result)
+            worst_eight(box, columns, curvature, x, first, end, vectors, index, result)
             for k in range(min(WIDTH, end - first)):
                 worst[first + k] = result[k] if np.isfinite(result[k]) else np.inf
 
 
 @njit(error_model="numpy", cache=True)
-def worst_eight(box, columns, curvature, x, first, end, vectors, result):
+def worst_eight(box, columns, curvature, x, begin, end, vectors, index, result):
     """The residuals of eight frames; not finite where a number of theirs is not."""
     gram, linear, diagonal, lower, upper, _, _ = box
     a, h, d, used = vectors
-    m = lower.size
+    first, each = index
+    m = x.shape[1]
     for k in range(WIDTH):
-        t = min(first + k, end - 1)
-        y, f, e = x[t], linear[t], diagonal[t if len(diagonal) > 1 else 0]
-        for i in range(m):
-            o = WIDTH * i + k
-            a[o] = y[i]
-            d[o] = e[i]
-            h[o] = f[i] + e[i] * y[i]
+        first[k] = m * min(begin + k, end - 1)
+    bring(x, first, each, a)
+    bring(linear, first, each, h)
+    bring(diagonal, first, each, d)
+    for i in range(m):
+        o = WIDTH * i
+        store(h, o, load(h, o) + load(d, o) * load(a, o))
     n = 0
     for i in range(m):
         used[n] = i

@@ -51,9 +51,13 @@ def begin(unbound, diagonal, single, first, end, vectors):
         f, d = unbound[t], diagonal[t if len(diagonal) > 1 else 0]
         for i in range(m):
             c[WIDE * i + k] = f[i]
-            r[WIDE * i + k] = most[i] - d[i]
+        if len(diagonal) > 1:
+            for i in range(m):
+                r[WIDE * i + k] = most[i] - d[i]
     for i in range(m):
         o = WIDE * i
+        if len(diagonal) == 1:
+            store(r, o, fill(np.float32(most[i] - diagonal[0, i])))
         value = fill(np.float32(0)) - load(c, o)
         value = clip(value, spread(lower, i), spread(upper, i))
         store(x, o, value)

@@ -10,8 +10,9 @@ from __future__ import annotations
 import operator
 from typing import Any
 
+import numpy as np
 from llvmlite import ir
-from numba import extending, types
+from numba import extending, njit, types
 from numba.core import cgutils
 from numba.extending import lower_builtin, models, register_model, type_callable
 
@@ -175,3 +176,25 @@ def _arithmetic(python, build):
 
 for _python, _build in (("add", "fadd"), ("sub", "fsub"), ("mul", "fmul"), ("truediv", "fdiv")):
     _arithmetic(getattr(operator, _python), _build)
+
+
+@njit(error_model="numpy", cache=True)
+def bring(values, first, each, out):
+    """Bring rows of a matrix into the lanes: lane k gets the one that begins at first[k], or the only one there is."""
+    rows, columns = values.shape
+    flat = values.ravel()
+    if rows > 1:
+        for i in range(columns):
+            store(out, WIDTH * i, gather(flat, first, 0, each, WIDTH * i))
+    else:
+        for i in range(columns):
+            store(out, WIDTH * i, spread(flat, i))
+
+
+@njit(error_model="numpy", cache=True)
+def lane_columns(count):
+    """The number of every column in all lanes: the index that `bring` needs."""
+    each = np.empty(WIDTH * count, np.int64)
+    for o in range(each.size):
+        each[o] = o // WIDTH
+    return each

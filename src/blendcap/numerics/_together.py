@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit, prange
 
 from blendcap.numerics._eight import eliminate, substitute_back
-from blendcap.numerics._lanes import WIDTH, fill, gather, load, some, spread, store, where_less
+from blendcap.numerics._lanes import WIDTH, bring, fill, gather, lane_columns, load, some, spread, store, where_less
 from blendcap.numerics._pivoting import FREE, SOLVED
 from blendcap.numerics._products import add_products, aligned, panels
 
@@ -34,6 +34,7 @@ def settle_run(box, columns, states, todo, weights, rounds, run):
     gram, lower, upper, m = box[0], box[3], box[4], weights.shape[1]
     mine, eight = np.flatnonzero(todo[run[0] : run[1]]) + run[0], np.empty(WIDTH, np.int64)
     vectors, free, work = workspace_eight(m, gram.shape[1])
+    index = np.zeros(WIDTH, np.int64), lane_columns(m), np.zeros(WIDTH, np.int64)
     count, order, starts = mine.size, np.empty(mine.size, np.int64), np.empty(m + 2, np.int64)
     for r in range(1, MOST + 1):
         if count < FEWEST:
@@ -43,7 +44,7 @@ def settle_run(box, columns, states, todo, weights, rounds, run):
         for group in range(0, count, WIDTH):
             for k in range(WIDTH):
                 eight[k] = order[min(group + k, count - 1)]
-            n = take_up(eight, box, states, vectors, free)
+            n = take_up(eight, box, states, vectors, free, index)
             solve(gram.ravel(), columns, lower, upper, vectors, free, n, work)
             judge_eight(lower, upper, vectors, work)
             for k in range(min(WIDTH, count - group)):
@@ -90,7 +91,7 @@ def workspace_eight(m, width):
 
 
 @njit(error_model="numpy", cache=True)
-def take_up(eight, box, states, vectors, free):
+def take_up(eight, box, states, vectors, free, index):
     """Bring eight frames into the lanes and list their free unknowns; returns the length of the longest list.
 
     The lists hold the offsets of rows of gram, of its columns, and of vectors; shorter ones are padded by an unknown
@@ -99,24 +100,25 @@ def take_up(eight, box, states, vectors, free):
     gram, linear, diagonal, _, _, _, _ = box
     q, d, s, _, _, _ = vectors
     rows, columns, spots, _ = free
-    m, width = linear.shape[1], gram.shape[1]
-    most = 0
+    first, each, counts = index
+    m, most = linear.shape[1], 0
     for k in range(WIDTH):
-        t, n = eight[k], 0
-        f, e, now = linear[t], diagonal[t if len(diagonal) > 1 else 0], states[t]
+        n, now = 0, states[eight[k]]
         for i in range(m):
-            o = WIDTH * i + k
-            q[o], d[o], s[o] = f[i], e[i], now[i]
-        for i in range(m):
+            s[WIDTH * i + k] = now[i]
             columns[WIDTH * n + k] = i
             n += now[i] == FREE
-        for i in range(n, m + 4):
-            columns[WIDTH * i + k] = m
+        first[k], counts[k] = m * eight[k], n
         most = max(most, n)
     most = (most + 3) & -4
+    for k in range(WIDTH):
+        for i in range(counts[k], most):
+            columns[WIDTH * i + k] = m
     for o in range(WIDTH * most):
-        rows[o] = width * columns[o]
+        rows[o] = gram.shape[1] * columns[o]
         spots[o] = WIDTH * columns[o] + o % WIDTH
+    bring(linear, first, each, q)
+    bring(diagonal, first, each, d)
     return most
 
 

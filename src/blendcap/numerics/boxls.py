@@ -16,6 +16,7 @@ from blendcap.numerics._scaling import scaled_problem, unscale, usable_frames
 from blendcap.numerics._seen import seen_gram, seen_start
 from blendcap.numerics._together import settle
 
+LARGE = 96  # unknowns from which it pays to look for idle ones
 SAMPLE, ENOUGH = 192, 8  # frames in which idle unknowns are sought; how many times as many it takes to pay
 NEAR = 1e-3  # of the accuracy: a larger residual of an answer without the idle ones sends its frame back
 FEW = 64  # frames below which the guess costs more than it saves
@@ -99,11 +100,11 @@ def idle_unknowns(problem: BoxProblem, usable: np.ndarray) -> np.ndarray:
     """(N,) bool: the unknowns that stay at zero, their lower bound, in the guess of every frame of a sample.
 
     A first answer does without them: a take uses few of the shapes of a large rig. Its certificate tells the frames
-    where they are wanted.
+    where they are wanted. It does not pay for small rigs, nor where a diagonal of each frame pulls at all shapes.
     """
     frames, n = problem.linear.shape
     chosen = np.arange(0, frames, max(1, frames // SAMPLE))[usable[:: max(1, frames // SAMPLE)]]
-    if frames < ENOUGH * SAMPLE or not len(chosen):
+    if n < LARGE or frames < ENOUGH * SAMPLE or len(problem.diagonal) > 1 or not len(chosen):
         return np.zeros(n, bool)
     sample, _ = scaled_problem(problem.of_frames(chosen), np.ones(len(chosen), bool), np.arange(n))
     idle = (Guesser(sample).states(sample) == LOWER).all(0) & (problem.lower == 0)
