@@ -1,0 +1,86 @@
+"""Raw scans: units, orientation, size, and what is no head."""
+
+import numpy as np
+import pytest
+
+import masks
+from blendcap.data import InputError, Mesh
+from blendcap.modeling.scan_repair import clustered, ready_scan
+from blendcap.numerics.surfaces import face_normals
+
+SCAN = masks.scan()
+
+
+@pytest.mark.parametrize(
+    ("unit", "word"), [(1, None), (10, "centimetres"), (25.4, "inches"), (100, "decimetres"), (1000, "metres")]
+)
+def test_the_unit_is_found_and_said(unit, word):
+    ready = ready_scan(SCAN.with_vertices(SCAN.vertices * 1.4 / unit))
+    np.testing.assert_allclose(ready.mesh.vertices, SCAN.vertices * 1.4, rtol=1e-12)
+    assert ready.unit_mm == unit
+    assert ready.notes == (() if word is None else (f"The scan is taken to be in {word}: only then is it as large as a "
+                                                    "head.",))  # fmt: skip
+
+
+def test_a_unit_that_is_given_is_taken():
+    ready = ready_scan(SCAN, unit_mm=2.0)
+    assert ready.unit_mm == 2.0 and not ready.notes
+    np.testing.assert_allclose(ready.mesh.vertices, 2 * SCAN.vertices)
+
+
+def test_triangles_that_face_inwards_are_turned():
+    ready = ready_scan(Mesh(SCAN.vertices, SCAN.faces[:, ::-1]))
+    np.testing.assert_array_equal(np.sort(ready.mesh.faces, 1), np.sort(SCAN.faces, 1))
+    agree = (face_normals(SCAN.vertices, SCAN.faces) * face_normals(ready.mesh.vertices, ready.mesh.faces)).sum(1)
+    assert (agree > 0).all()
+    assert "turned round" in ready.notes[0]
+
+
+def test_degenerate_triangles_are_left_out():
+    extra = np.array([[0, 0, 1], [5, 5, 5]])
+    ready = ready_scan(Mesh(SCAN.vertices, np.concatenate([extra, SCAN.faces])))
+    np.testing.assert_array_equal(ready.mesh.faces, SCAN.faces)
+    assert ready.notes == ("2 degenerate triangles are left out.",)
+    with pytest.raises(InputError, match="no triangle with an area"):
+        ready_scan(Mesh(SCAN.vertices, extra))
+
+
+def beside(mesh, shift):
+    count = len(mesh.vertices)
+    return Mesh(
+        np.concatenate([mesh.vertices, mesh.vertices + shift]), np.concatenate([mesh.faces, mesh.faces + count])
+    )
+
+
+@pytest.mark.parametrize(
+    ("scan", "words"),
+    [
+        (beside(SCAN, [250.0, 0, 0]), "two separate surfaces .* save each to a file of its own"),
+        (SCAN.with_vertices(SCAN.vertices * [9, 9, 1.5]), "as a whole body is; cut it to the head and neck"),
+        (SCAN.with_vertices(SCAN.vertices * 1e5), "no head in mm, cm, inches, dm or m"),
+    ],
+)
+def test_what_is_no_head_is_refused(scan, words):
+    with pytest.raises(InputError, match=words):
+        ready_scan(scan)
+
+
+def test_small_pieces_and_an_inner_shell_are_no_second_face():
+    assert not ready_scan(beside(SCAN, [0.0, 0, -5])).notes
+
+
+@pytest.mark.parametrize("most", [300, 1000])
+def test_clustering_keeps_the_surface_and_its_turn(most):
+    vertices, faces = clustered(SCAN.vertices, SCAN.faces, most)
+    assert most / 3 < len(faces) <= most
+    whole, joined = (face_normals(v, f) for v, f in ((SCAN.vertices, SCAN.faces), (vertices, faces)))
+    assert np.linalg.norm(joined, axis=1).sum() == pytest.approx(np.linalg.norm(whole, axis=1).sum(), rel=0.25)
+    np.testing.assert_allclose(joined.sum(0), whole.sum(0), rtol=0.35, atol=0.02 * np.abs(whole.sum(0)).max())
+    assert len(np.unique(faces)) == len(vertices)
+
+
+def test_a_scan_of_too_many_triangles_is_joined_and_said(monkeypatch):
+    monkeypatch.setattr("blendcap.modeling.scan_repair.MOST", 1500)
+    ready = ready_scan(SCAN)
+    assert len(ready.mesh.faces) <= 1500
+    assert f"{len(SCAN.faces):,} triangles are joined to {len(ready.mesh.faces):,}" in ready.notes[0]
