@@ -1,4 +1,4 @@
-"""blendcap rig convert IN OUT."""
+"""blendcap rig: build and convert rigs."""
 
 from __future__ import annotations
 
@@ -6,7 +6,10 @@ from pathlib import Path
 
 from cyclopts import App
 
+from blendcap.cli.rig_build import build
+
 rig = App(name="rig", help="Make and convert rigs.")
+rig.command(build)
 
 
 @rig.command

@@ -1,0 +1,109 @@
+"""blendcap rig build SCAN -o RIG."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from cyclopts import Parameter
+
+import blendcap
+from blendcap.cli.answers import AsJson, print_json, print_lines
+from blendcap.cli.outputs import PAGES, check_outputs
+from blendcap.cli.progress import Progress
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from blendcap.data import Mesh, Rig, SurfacePoints
+
+RIGS = (".glb", ".npz")
+
+
+def build(
+    scan: Path,
+    /,
+    *,
+    output: Annotated[Path, Parameter(name=("--output", "-o"))],
+    template: Path | None = None,
+    landmarks: Path | None = None,
+    unit: Literal["mm", "cm", "dm", "m", "in"] | None = None,
+    report: Path | None = None,
+    backend: Literal["auto", "cholmod", "splu"] = "auto",
+    as_json: AsJson = False,
+) -> None:
+    """Build an actor's rig from a neutral scan: the template's neutral is laid onto it, its shapes are carried over.
+
+    Parameters
+    ----------
+    scan
+        A mesh of the head: .obj, .ply, .stl or .glb, in any topology; holes may be.
+    output
+        The rig to write: .glb or .npz.
+    template
+        The rig whose topology and shapes the actor gets; the mannequin if not given.
+    landmarks
+        A .json of points on the scan by the names of the template's points: {"landmarks68/30": 4321}, or a points
+        file. Without it the template is aligned by its shape: the scan must look along +z, +y up.
+    unit
+        The scan's unit; found from the size of a head if not given.
+    report
+        A self-contained .html page: before and after, distances, shapes, convergence.
+    backend
+        The sparse solver; cholmod needs the extra `fast` (cvxopt, GPL-3).
+    as_json
+        Print the answer as JSON.
+    """
+    from blendcap.io import read_mesh, read_rig, write_rig
+    from blendcap.io.units import millimetres
+    from blendcap.modeling.build import build_rig
+    from blendcap.modeling.scan_repair import ready_scan
+    from blendcap.view.rig_report import rig_facts, write_rig_report
+
+    check_outputs([output], RIGS)
+    check_outputs([report], PAGES)
+    progress = Progress(quiet=as_json)
+    with progress.step("read", f"Read {scan}"):
+        raw = read_mesh(scan, unit or "mm")
+        base = blendcap.mannequin() if template is None else read_rig(template)
+        given = None if landmarks is None else read_landmarks(landmarks, raw, base)
+        stated = unit is not None or scan.suffix.lower() in (".glb", ".gltf")
+        ready = ready_scan(raw, 1.0 if stated and millimetres(unit or "mm", str(scan)) else None)
+    if not as_json:
+        for note in ready.notes:
+            print(note, flush=True)
+    with progress.step("build", "Lay the template onto the scan and carry its shapes over") as tell:
+        pairs = None if given is None else (given[0], ready.unit_mm * given[1])
+        built = build_rig(base, ready.mesh, pairs, backend=backend, tell=tell)
+    with progress.step("write", f"Write {output}"):
+        write_rig(output, built.rig)
+    if report is not None:
+        with progress.step("report", f"Write {report}"):
+            steps = [f"Open {output.name} in Blender, or with blendcap view."]
+            write_rig_report(report, built, base, notes=ready.notes, seconds=progress.seconds, next_steps=steps)
+    facts: dict[str, Any] = {
+        "vertices": len(built.rig.mesh.vertices), "shapes": len(built.rig.names), "unit_mm": ready.unit_mm,
+        "notes": list(ready.notes), **rig_facts(built, base), "solver": built.registration.backend,
+        "converged": all(level.converged for level in built.registration.levels), "seconds": progress.seconds,
+        "wrote": [str(path) for path in (output, report) if path is not None],
+    }  # fmt: skip
+    (print_json if as_json else print_lines)(facts)
+
+
+def read_landmarks(path: Path, scan: Mesh, template: Rig) -> tuple[SurfacePoints, np.ndarray]:
+    """Landmarks of a file, on the scan as it was read: their partners on the template, and their places (L, 3)."""
+    import numpy as np
+
+    from blendcap.data import Rig
+    from blendcap.io import read_correspondences, read_points
+    from blendcap.io.opening import read_json
+    from blendcap.markers.correspondences import resolve
+    from blendcap.modeling.landmark_pairs import partners
+
+    content = read_json(path)
+    if isinstance(content, dict) and "points" in content:
+        points = read_points(path)
+    else:
+        bare = Rig(scan, np.zeros((0, len(scan.vertices), 3), np.float32), (), name=path.name)
+        points = resolve(bare, read_correspondences(path))
+    return partners(template, points.names), points.positions(scan)

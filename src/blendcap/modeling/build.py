@@ -1,0 +1,56 @@
+"""From a raw scan to the actor's rig: made ready, registered, transferred, set upright."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from blendcap.data import Mesh, Rig, SurfacePoints
+from blendcap.modeling.registration import Registration, register
+from blendcap.modeling.transfer import transfer_rig
+from blendcap.numerics.leastsq import Backend
+from blendcap.numerics.similarity import apply
+
+
+@dataclass(frozen=True, eq=False)
+class BuiltRig:
+    """An actor's rig and how it came about.
+
+    Parameters
+    ----------
+    rig : Rig
+        Stands as the template stands, at the actor's size.
+    scan : Mesh
+        The scan, moved to where the rig is.
+    start : Mesh
+        The template as it was aligned, before anything bent, at the same place.
+    registration : Registration
+        At the scan's own place.
+    """
+
+    rig: Rig
+    scan: Mesh
+    start: Mesh
+    registration: Registration
+
+
+def build_rig(
+    template: Rig,
+    scan: Mesh,
+    landmarks: tuple[SurfacePoints, np.ndarray] | None = None,
+    *,
+    backend: Backend = "auto",
+    tell: Callable[..., None] | None = None,
+) -> BuiltRig:
+    """Register a template's neutral to a scan (mm, see `ready_scan`) and carry every shape over to it."""
+    registration = register(template, scan, landmarks, backend=backend, tell=tell)
+    rotation, translation, scale = registration.alignment
+
+    def upright(mesh: Mesh) -> Mesh:
+        return mesh.with_vertices((mesh.vertices - translation) @ rotation)
+
+    neutral = upright(registration.mesh)
+    start = template.mesh.with_vertices(apply(template.mesh.vertices, np.eye(3), np.zeros(3), scale))
+    return BuiltRig(transfer_rig(template, neutral), upright(scan), start, registration)

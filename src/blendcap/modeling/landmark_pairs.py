@@ -1,0 +1,45 @@
+"""Landmarks of a scan find their partners on a template: by name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from blendcap.data import InputError, Rig, SurfacePoints
+
+
+def partners(template: Rig, names: Sequence[str]) -> SurfacePoints:
+    """The points of a template that are called so, in the order of `names`.
+
+    Parameters
+    ----------
+    template : Rig
+    names : sequence of str
+        A point of any of the template's sets, `"30"` or `"nose_tip"`, or with its set, `"landmarks68/30"`.
+
+    Raises
+    ------
+    InputError
+        If a name is unknown, or stands for different places in two sets.
+    """
+    places = [_place(template.points, name) for name in names]
+    return SurfacePoints(tuple(names), np.array([face for face, _ in places], dtype=np.int64),
+                         np.array([weights for _, weights in places]).reshape(-1, 3))  # fmt: skip
+
+
+def _place(sets: Mapping[str, SurfacePoints], name: str) -> tuple[int, np.ndarray]:
+    group, _, short = name.rpartition("/")
+    found = {key: points for key, points in sets.items() if short in points.names and group in ("", key)}
+    if not found:
+        known = ", ".join(f"{key} ({', '.join(points.names[:3])} ...)" for key, points in sets.items()) or "none"
+        raise InputError(f"The template has no point named {name!r}; its points are {known}.")
+    places = []
+    for points in found.values():
+        row = points.names.index(short)
+        places.append((int(points.faces[row]), points.barycentric[row]))
+    if any(face != places[0][0] or np.abs(weights - places[0][1]).max() > 1e-9 for face, weights in places[1:]):
+        raise InputError(
+            f"The template has {short!r} in {' and '.join(found)}; write the set too: {next(iter(found))}/{short}."
+        )
+    return places[0]
