@@ -1,4 +1,4 @@
-"""Scans of ICT-FaceKit's random people with known truth: another net of triangles, noise, five holes, no back of the head."""
+"""Scans of ICT-FaceKit's random people, truth known: another net of triangles, noise, holes, no back of the head."""
 
 from __future__ import annotations
 

@@ -56,7 +56,7 @@ def beside(mesh, shift):
     ("scan", "words"),
     [
         (beside(SCAN, [250.0, 0, 0]), "two separate surfaces .* save each to a file of its own"),
-        (SCAN.with_vertices(SCAN.vertices * [9, 9, 1.5]), "as a whole body is; cut it to the head and neck"),
+        (SCAN.with_vertices(SCAN.vertices * [9, 9, 1.2]), "as a whole body is; cut it to the head and neck"),
         (SCAN.with_vertices(SCAN.vertices * 1e5), "no head in mm, cm, inches, dm or m"),
     ],
 )

@@ -44,7 +44,7 @@ def build(
         The rig whose topology and shapes the actor gets; the mannequin if not given.
     landmarks
         A .json of points on the scan by the names of the template's points: {"landmarks68/30": 4321}, or a points
-        file. Without it the template is aligned by its shape: the scan must look along +z, +y up.
+        file. Without it they are found from the scan's form and texture.
     unit
         The scan's unit; found from the size of a head if not given.
     report
@@ -66,11 +66,13 @@ def build(
     with progress.step("read", f"Read {scan}"):
         raw = read_mesh(scan, unit or "mm")
         base = blendcap.mannequin() if template is None else read_rig(template)
-        given = None if landmarks is None else read_landmarks(landmarks, raw, base)
         stated = unit is not None or scan.suffix.lower() in (".glb", ".gltf")
         ready = ready_scan(raw, 1.0 if stated and millimetres(unit or "mm", str(scan)) else None)
+    with progress.step("landmarks", "Find landmarks" if landmarks is None else f"Read {landmarks}"):
+        given, doubts = _found(raw, base) if landmarks is None else (read_landmarks(landmarks, raw, base), ())
+    notes = [*ready.notes, *doubts]
     if not as_json:
-        for note in ready.notes:
+        for note in notes:
             print(note, flush=True)
     with progress.step("build", "Lay the template onto the scan and carry its shapes over") as tell:
         pairs = None if given is None else (given[0], ready.unit_mm * given[1])
@@ -80,14 +82,27 @@ def build(
     if report is not None:
         with progress.step("report", f"Write {report}"):
             steps = [f"Open {output.name} in Blender, or with blendcap view."]
-            write_rig_report(report, built, base, notes=ready.notes, seconds=progress.seconds, next_steps=steps)
+            write_rig_report(report, built, base, notes=notes, seconds=progress.seconds, next_steps=steps)
     facts: dict[str, Any] = {
         "vertices": len(built.rig.mesh.vertices), "shapes": len(built.rig.names), "unit_mm": ready.unit_mm,
-        "notes": list(ready.notes), **rig_facts(built, base), "solver": built.registration.backend,
+        "notes": notes, **rig_facts(built, base), "solver": built.registration.backend,
         "converged": all(level.converged for level in built.registration.levels), "seconds": progress.seconds,
         "wrote": [str(path) for path in (output, report) if path is not None],
     }  # fmt: skip
     (print_json if as_json else print_lines)(facts)
+
+
+def _found(scan: Mesh, template: Rig) -> tuple[tuple[SurfacePoints, np.ndarray] | None, list[str]]:
+    """Landmarks found on a scan, with their partners on the template; a sentence where none were."""
+    from blendcap.modeling.landmark_names import rig_landmarks
+    from blendcap.modeling.landmarks import find_landmarks
+
+    try:
+        there, here = find_landmarks(scan), rig_landmarks(template)
+    except blendcap.InputError as error:
+        return None, [f"No landmarks were found, so the template is aligned by its shape: {error}"]
+    names = [name for name in here.names if name in there.names]
+    return (here.select(names), there.select(names).positions(scan)), []
 
 
 def read_landmarks(path: Path, scan: Mesh, template: Rig) -> tuple[SurfacePoints, np.ndarray]:

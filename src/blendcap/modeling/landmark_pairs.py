@@ -39,7 +39,6 @@ def _place(sets: Mapping[str, SurfacePoints], name: str) -> tuple[int, np.ndarra
         row = points.names.index(short)
         places.append((int(points.faces[row]), points.barycentric[row]))
     if any(face != places[0][0] or np.abs(weights - places[0][1]).max() > 1e-9 for face, weights in places[1:]):
-        raise InputError(
-            f"The template has {short!r} in {' and '.join(found)}; write the set too: {next(iter(found))}/{short}."
-        )
+        first, both = next(iter(found)), " and ".join(found)
+        raise InputError(f"The template has {short!r} in {both}; write the set too, as in {first}/{short}.")
     return places[0]

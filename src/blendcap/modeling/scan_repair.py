@@ -12,7 +12,7 @@ from blendcap.numerics.surfaces import face_normals, parts
 UNITS = {"millimetres": 1.0, "centimetres": 10.0, "inches": 25.4, "decimetres": 100.0, "metres": 1000.0}
 HEAD = (120.0, 650.0)  # mm: the longest side of a scan of a face, a head or a bust
 TYPICAL = 280.0  # mm
-BODY = 3.0  # a box with sides in this ratio is longer than a head can be
+BODY = 4.0  # a box with sides in this ratio is no face: a mask reaches 3.3, a standing body 5
 SECOND = 0.5  # a second surface of this share of the first's area is a second face
 MOST = 400_000  # triangles; a registration gains nothing from more
 

@@ -66,9 +66,9 @@ def rig_facts(built: BuiltRig, template: Rig) -> dict[str, float]:
     """The numbers of a built rig: distances to the scan, mm, flipped triangles, and gaps of lids and lips, mm."""
     distance = built.registration.distance
     known = distance[np.isfinite(distance)]
-    skin = max(int(template.mesh.vertices.shape[0]), 1)
     facts = {
-        "median_mm": float(np.median(known)), "p95_mm": float(np.percentile(known, 95)), "matched": len(known) / len(distance),
+        "median_mm": float(np.median(known)), "p95_mm": float(np.percentile(known, 95)),
+        "matched": len(known) / len(distance),
         "flipped": len(built.registration.flipped), "scale": float(built.registration.alignment[2]),
     }  # fmt: skip
     contacts = dict(find_contacts(template)) | dict(template.contacts)

@@ -1,0 +1,110 @@
+"""`blendcap rig build`: a scan file in, a rig file out, and a sentence for what cannot be used."""
+
+import json
+
+import numpy as np
+import pytest
+
+import blendcap
+import masks
+from blendcap.cli import main
+from blendcap.data import InputError, Mesh, Rig, SurfacePoints
+from blendcap.modeling.landmark_pairs import partners
+
+OTHER = {"width": 78.0, "nose": 14.0, "chin": -12.0}
+TEMPLATE, PARAMETERS = masks.template()
+
+
+def a_rig():
+    lift = np.zeros((1, len(TEMPLATE.vertices), 3), np.float32)
+    lift[0, :, 1] = 8 * np.exp(-(((PARAMETERS - [0, 0.5]) / 0.3) ** 2).sum(1))
+    points, _ = masks.landmarks(TEMPLATE, PARAMETERS)
+    return Rig(TEMPLATE, lift, ("browInnerUp",), points={"spots": points}, name="mask")
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A template, a scan of somebody else and the landmarks on it; the working folder."""
+    rig, scan = a_rig(), masks.scan(**OTHER)
+    blendcap.write_rig(tmp_path / "mask.npz", rig)
+    blendcap.write_mesh(tmp_path / "scan.obj", scan)
+    _, places = masks.landmarks(TEMPLATE, PARAMETERS, **OTHER)
+    rows = [int(np.argmin(((scan.vertices - place) ** 2).sum(1))) for place in places]
+    table = {f"spots/p{i}": row for i, row in enumerate(rows)}
+    (tmp_path / "spots.json").write_text(json.dumps(table), encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+BUILD = ("rig", "build", "scan.obj", "-o", "actor.npz", "--template", "mask.npz", "--landmarks", "spots.json")
+
+
+def test_a_scan_becomes_a_rig_with_the_shapes_of_the_template(folder, capsys):
+    assert main([*BUILD, "--json", "--report", "actor.html"]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    actor = blendcap.read_rig(folder / "actor.npz")
+    assert actor.names == ("browInnerUp",)
+    missed = np.linalg.norm(actor.mesh.vertices - masks.mask(PARAMETERS, **OTHER), axis=1)
+    turned = Mesh(masks.mask(PARAMETERS, **OTHER), TEMPLATE.faces)
+    inner = (np.abs(PARAMETERS) < 0.8).all(1)
+    shift = (actor.mesh.vertices - turned.vertices)[inner].mean(0)  # the rig stands where the template stands
+    assert np.linalg.norm(actor.mesh.vertices - turned.vertices - shift, axis=1)[inner].mean() < 2
+    assert facts["flipped"] == 0 and facts["median_mm"] < 0.3 and facts["unit_mm"] == 1
+    assert missed.shape == (len(TEMPLATE.vertices),)
+    page = (folder / "actor.html").read_text(encoding="utf-8")
+    assert "http" not in page.replace("http://www.w3.org", "") and page.count("<img") >= 5
+
+
+@pytest.mark.parametrize(("unit", "word"), [(10, "centimetres"), (1000, "metres")])
+def test_another_unit_is_converted_and_said(folder, capsys, unit, word):
+    scan = masks.scan(**OTHER)
+    blendcap.write_mesh(folder / "scan.obj", scan.with_vertices(scan.vertices / unit))
+    assert main(BUILD) == 0
+    assert f"taken to be in {word}" in capsys.readouterr().out
+    size = np.ptp(blendcap.read_rig(folder / "actor.npz").mesh.vertices[:, 0])
+    assert size == pytest.approx(2 * 78, rel=0.05)
+
+
+def test_inward_normals_are_turned_and_said(folder, capsys):
+    scan = masks.scan(**OTHER)
+    blendcap.write_mesh(folder / "scan.obj", Mesh(scan.vertices, scan.faces[:, ::-1]))
+    assert main(BUILD) == 0
+    assert "turned round" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda scan: Mesh(np.concatenate([scan.vertices, scan.vertices + np.array([300, 0, 0])]),
+                           np.concatenate([scan.faces, scan.faces + len(scan.vertices)])), "two separate surfaces"),
+        (lambda scan: scan.with_vertices(scan.vertices * [9, 9, 1.2]), "whole body"),
+    ],
+)  # fmt: skip
+def test_what_is_no_head_is_one_sentence_and_no_file(folder, capsys, change, words):
+    blendcap.write_mesh(folder / "scan.obj", change(masks.scan(**OTHER)))
+    assert main(BUILD) == 1
+    said = capsys.readouterr().err.strip().splitlines()
+    assert words in said[-1] and said[-1].startswith("blendcap: ")
+    assert not (folder / "actor.npz").exists()
+
+
+def test_a_landmark_that_the_template_lacks_is_named(folder, capsys):
+    (folder / "spots.json").write_text('{"ear_tip": 5, "spots/p0": 6, "spots/p1": 7}', encoding="utf-8")
+    assert main(BUILD) == 1
+    assert "no point named 'ear_tip'; its points are spots (p0, p1, p2 ...)" in capsys.readouterr().err
+
+
+def test_an_output_that_is_no_rig_is_refused_before_the_work(folder, capsys):
+    assert main([*BUILD[:4], "actor.obj", *BUILD[5:]]) == 1
+    assert "its ending must be one of .glb, .npz" in capsys.readouterr().err
+
+
+def test_points_are_paired_by_name():
+    rig = a_rig()
+    points = partners(rig, ["p3", "spots/p0"])
+    np.testing.assert_array_equal(points.faces, rig.points["spots"].faces[[3, 0]])
+    other = SurfacePoints(("p3",), [0], [[1, 0, 0]])
+    two = Rig(rig.mesh, rig.deltas, rig.names, points={**rig.points, "more": other})
+    with pytest.raises(InputError, match="write the set too, as in spots/p3"):
+        partners(two, ["p3"])
+    assert partners(two, ["more/p3"]).faces[0] == 0
