@@ -8,18 +8,19 @@ from blendcap.data import Rig
 
 SKIN = np.array([0.80, 0.64, 0.56])  # sRGB, as all colors here
 SCLERA, IRIS, PUPIL = np.array([0.90, 0.88, 0.86]), np.array([0.36, 0.42, 0.44]), np.array([0.05, 0.05, 0.06])
-HIDDEN = np.full(3, np.nan)
 PALETTE = {  # a word in the region's name, in the order of painting
     "socket": np.array([0.45, 0.20, 0.19]),
     "tongue": np.array([0.72, 0.40, 0.39]),
     "gums": np.array([0.72, 0.42, 0.41]),
     "teeth": np.array([0.90, 0.87, 0.80]),
     "hair": np.array([0.28, 0.21, 0.17]),
-    "lash": HIDDEN,
-    "occlusion": HIDDEN,  # clear layers over the eye, which only a renderer with transparency can use
-    "lacrimal": HIDDEN,
-    "eyeblend": HIDDEN,
 }
+HIDDEN_WORDS = (
+    "lash",
+    "occlusion",
+    "lacrimal",
+    "eyeblend",
+)  # clear layers: only a renderer with transparency has a use
 IRIS_ANGLE, PUPIL_ANGLE = 0.50, 0.20  # rad from the axis of the eye
 
 
@@ -40,21 +41,39 @@ def default_colors(rig: Rig) -> np.ndarray | None:
         for name, vertices in rig.regions.items():
             if word in name.lower().replace("_", ""):
                 colors[vertices] = color
+    colors[hidden_vertices(rig)] = np.nan
     return colors
+
+
+def hidden_vertices(rig: Rig) -> np.ndarray:
+    """Which vertices (V,) belong to lashes and to clear layers over the eye, by the names of the rig's regions."""
+    hidden = np.zeros(len(rig.mesh.vertices), dtype=bool)
+    for name, vertices in rig.regions.items():
+        if any(word in name.lower().replace("_", "") for word in HIDDEN_WORDS):
+            hidden[vertices] = True
+    return hidden
+
+
+def globe_of(points: np.ndarray) -> tuple[np.ndarray, float] | None:
+    """Center (3,) and radius of the globe that points (K, 3) lie on; None if they lie on none, as lids and lashes."""
+    if len(points) < 50:
+        return None
+    design = np.column_stack([2 * points, np.ones(len(points))])  # |p|^2 = 2 c.p + (r^2 - |c|^2)
+    center = np.linalg.lstsq(design, (points**2).sum(1), rcond=None)[0][:3]
+    radii = np.linalg.norm(points - center, axis=1)
+    radius = float(radii.mean())
+    if radii.std() > 0.12 * radius or np.ptp(points, axis=0).min() < radius:
+        return None
+    return center, radius
 
 
 def _paint_eyeball(colors: np.ndarray, positions: np.ndarray, vertices: np.ndarray) -> None:
     """Paint `vertices` (K,) as an eye if they lie on a globe; lids and lashes do not, and keep their color."""
-    if len(vertices) < 50:
+    globe = globe_of(positions[vertices])
+    if globe is None:
         return
-    points = positions[vertices]
-    design = np.column_stack([2 * points, np.ones(len(points))])  # |p|^2 = 2 c.p + (r^2 - |c|^2)
-    center = np.linalg.lstsq(design, (points**2).sum(1), rcond=None)[0][:3]
-    arms = points - center
-    radius = np.linalg.norm(arms, axis=1)
-    if radius.std() > 0.12 * radius.mean() or np.ptp(points, axis=0).min() < radius.mean():
-        return
-    angle = np.arccos(np.clip(arms[:, 2] / np.maximum(radius, 1e-9), -1, 1))[:, None]
+    arms = positions[vertices] - globe[0]
+    angle = np.arccos(np.clip(arms[:, 2] / np.maximum(np.linalg.norm(arms, axis=1), 1e-9), -1, 1))[:, None]
     iris = _step(IRIS_ANGLE, angle)
     rim = 0.55 + 0.45 * _step(IRIS_ANGLE - 0.10, angle)
     color = SCLERA * (1 - iris) + IRIS * rim * iris

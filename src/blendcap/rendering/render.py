@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 
 from blendcap.data import Camera, InputError, Mesh, Rig
-from blendcap.rendering.appearance import SKIN, default_colors
+from blendcap.rendering.appearance import SKIN, default_colors, hidden_vertices
 from blendcap.rendering.camera import to_homogeneous
 from blendcap.rendering.color import to_linear
 from blendcap.rendering.light import box, light_camera, openness, shadow_map
@@ -107,15 +107,21 @@ class Surface:
 
 
 def prepare(
-    mesh: Mesh, color: np.ndarray | tuple[float, float, float] | None = None, slopes: np.ndarray | None = None
+    mesh: Mesh,
+    color: np.ndarray | tuple[float, float, float] | None = None,
+    *,
+    slopes: np.ndarray | None = None,
+    hidden: np.ndarray | None = None,
 ) -> Surface:
     """The mesh with its normals, colors and ambient occlusion; see `render` for `color`.
 
-    `slopes` (H, W, 2) bend the normals in place of the mesh's normal map.
+    `slopes` (H, W, 2) bend the normals in place of the mesh's normal map; faces that touch a `hidden` vertex (V,) are
+    not drawn.
     """
     keep = slice(None)
     if color is not None and np.isnan(color).any():
         hidden = np.broadcast_to(np.isnan(color).any(-1), len(mesh.vertices))
+    if hidden is not None and hidden.any():
         keep = ~hidden[mesh.faces].any(1)
     faces = np.ascontiguousarray(mesh.faces[keep])
     table = np.empty((len(mesh.vertices), WIDTH))
@@ -126,7 +132,8 @@ def prepare(
 
 def prepare_rig(rig: Rig) -> Surface:
     """The neutral of a rig, ready for `shaped`, in its texture or, if it has none, in `default_colors`."""
-    return prepare(rig.mesh, default_colors(rig), blended_slopes(rig, np.zeros(len(rig.names))))
+    slopes = blended_slopes(rig, np.zeros(len(rig.names)))
+    return prepare(rig.mesh, default_colors(rig), slopes=slopes, hidden=hidden_vertices(rig))
 
 
 def shaped(neutral: Surface, rig: Rig, weights: np.ndarray, sky: np.ndarray | None = None) -> Surface:

@@ -13,10 +13,10 @@ from blendcap.data.names import mirror_map
 from blendcap.synthetic.mannequin.face import Face
 from blendcap.synthetic.mannequin.identity import make_person, measures_of
 from blendcap.synthetic.mannequin.landmarks import landmarks, markers
+from blendcap.synthetic.mannequin.look import LOOKS, Look, draw_look
 from blendcap.synthetic.mannequin.parts import Part, dental_arch, make_parts, part_shapes
 from blendcap.synthetic.mannequin.shapes import cage_shapes
 from blendcap.synthetic.mannequin.shared import Shared, shared
-from blendcap.synthetic.mannequin.skin import LOOKS, Look
 from blendcap.synthetic.mannequin.texture import painted
 
 _PART_REGIONS = {"eye": "eyes", "caruncle": "sockets", "upper_teeth": "teeth", "lower_teeth": "teeth",
@@ -69,10 +69,10 @@ def mannequin(identity: int | str | Mapping[str, float] = 0, shapes: int = 140) 
 
 
 def _look_of(identity: int | str | Mapping[str, float]) -> Look:
-    """Seeds take turns with the looks; measures alone say nothing about color."""
+    """A seed draws a look too; 0, and measures alone, have the plain one."""
     if isinstance(identity, str):
         return LOOKS[identity]
-    return tuple(LOOKS.values())[int(identity) % len(LOOKS)] if isinstance(identity, Integral) else Look()
+    return draw_look(int(identity)) if isinstance(identity, Integral) and identity != 0 else Look()
 
 
 def _mesh(head: Shared, face: Face, parts: list[Part], look: Look) -> Mesh:
