@@ -1,6 +1,7 @@
 """`blendcap rig build`: a scan file in, a rig file out, and a sentence for what cannot be used."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -55,14 +56,16 @@ def test_a_scan_becomes_a_rig_with_the_shapes_of_the_template(folder, capsys):
     assert "http" not in page.replace("http://www.w3.org", "") and page.count("<img") >= 5
 
 
-@pytest.mark.parametrize(("unit", "word"), [(10, "centimetres"), (1000, "metres")])
+@pytest.mark.parametrize(
+    ("unit", "word"), [(10, "taken to be in centimetres"), (1000, "taken to be in metres"), (50, "scaled by 4[0-9]")]
+)
 def test_another_unit_is_converted_and_said(folder, capsys, unit, word):
     scan = masks.scan(**OTHER)
     blendcap.write_mesh(folder / "scan.obj", scan.with_vertices(scan.vertices / unit))
     assert main(BUILD) == 0
-    assert f"taken to be in {word}" in capsys.readouterr().out
+    assert re.search(word, capsys.readouterr().out)
     size = np.ptp(blendcap.read_rig(folder / "actor.npz").mesh.vertices[:, 0])
-    assert size == pytest.approx(2 * 78, rel=0.05)
+    assert size == pytest.approx(2 * 78, rel=0.05 if unit != 50 else 0.15)
 
 
 def test_inward_normals_are_turned_and_said(folder, capsys):

@@ -55,7 +55,6 @@ def build(
         Print the answer as JSON.
     """
     from blendcap.io import read_mesh, read_rig, write_rig
-    from blendcap.io.units import millimetres
     from blendcap.modeling.build import build_rig
     from blendcap.modeling.scan_repair import ready_scan
     from blendcap.view.rig_report import rig_facts, write_rig_report
@@ -66,11 +65,12 @@ def build(
     with progress.step("read", f"Read {scan}"):
         raw = read_mesh(scan, unit or "mm")
         base = blendcap.mannequin() if template is None else read_rig(template)
-        stated = unit is not None or scan.suffix.lower() in (".glb", ".gltf")
-        ready = ready_scan(raw, 1.0 if stated and millimetres(unit or "mm", str(scan)) else None)
     with progress.step("landmarks", "Find landmarks" if landmarks is None else f"Read {landmarks}"):
-        given, doubts = _found(raw, base) if landmarks is None else (read_landmarks(landmarks, raw, base), ())
-    notes = [*ready.notes, *doubts]
+        given, notes = _found(raw, base) if landmarks is None else (read_landmarks(landmarks, raw, base), [])
+        stated = unit is not None or scan.suffix.lower() in (".glb", ".gltf")
+        unit_mm, note = (1.0, None) if stated else _unit(given, base)
+        ready = ready_scan(raw, unit_mm)
+        notes = [*notes, *([note] if note else []), *ready.notes]
     if not as_json:
         for note in notes:
             print(note, flush=True)
@@ -90,6 +90,16 @@ def build(
         "wrote": [str(path) for path in (output, report) if path is not None],
     }  # fmt: skip
     (print_json if as_json else print_lines)(facts)
+
+
+def _unit(given, template: Rig) -> tuple[float | None, str | None]:
+    """The scan's unit by its landmarks, if there are enough, and what to say of it."""
+    from blendcap.modeling.scan_repair import unit_by_face
+    from blendcap.numerics.similarity import align
+
+    if given is None or len(given[1]) < 3:
+        return None, None
+    return unit_by_face(float(align(given[0].positions(template.mesh), given[1])[2]))
 
 
 def _found(scan: Mesh, template: Rig) -> tuple[tuple[SurfacePoints, np.ndarray] | None, list[str]]:

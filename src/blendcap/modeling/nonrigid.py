@@ -17,6 +17,7 @@ from blendcap.numerics.anderson import Anderson
 from blendcap.numerics.leastsq import Backend
 from blendcap.numerics.surfaces import edges_of, vertex_normals
 
+TOUCHING = 10.0  # stiffness between places that touch, in that of an edge of median length
 FEW = 0.05  # share of the visible template that must find a match
 HEAD = (
     4.75  # diagonal of a face's box over the root mean square distance from its centre: what stiffness is relative to
@@ -71,7 +72,7 @@ def fit_skin(
     center = start.mean(0)
     size = HEAD * float(np.sqrt(((start - center) ** 2).sum(1).mean()))
     unit = (start - center) / size
-    field = AffineField(unit, *_edges(unit, skin.faces, schedule.even), sampling, backend)
+    field = AffineField(unit, *_edges(unit, skin, schedule.even), sampling, backend)
     held = (positions - center) / size
     match = _Matcher(skin, surface, schedule, center, size)
     maps, levels, costs = field.identity, [], []
@@ -132,11 +133,12 @@ class _Matcher:
         return good.astype(np.float64), (points - self._center) / self._size
 
 
-def _edges(vertices: np.ndarray, faces: np.ndarray, even: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Edges (E, 2) and the weights (E,) of their squared differences."""
-    edges, _ = edges_of(faces)
+def _edges(vertices: np.ndarray, skin: Skin, even: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Edges (E, 2) and the weights (E,) of their squared differences; places that touch are joined like neighbours."""
+    edges = edges_of(skin.faces)[0]
     if not even:
         return edges, np.ones(len(edges))
     length = np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1)
     typical = float(np.median(length))
-    return edges, (typical / np.maximum(length, 1e-2 * typical)) ** 2
+    weights = (typical / np.maximum(length, 1e-2 * typical)) ** 2
+    return np.concatenate([edges, skin.touching]), np.concatenate([weights, np.full(len(skin.touching), TOUCHING)])

@@ -79,6 +79,24 @@ def ready_scan(scan: Mesh, unit_mm: float | None = None) -> ReadyScan:
     return ReadyScan(mesh, unit_mm, tuple(notes))
 
 
+def unit_by_face(template_size: float) -> tuple[float, str | None]:
+    """The unit of a scan in mm, from how large its face is against a template's in mm, and a sentence if it is not 1.
+
+    Parameters
+    ----------
+    template_size : float
+        Units of the scan that one mm of the template takes, by landmarks.
+    """
+    word = min(UNITS, key=lambda name: abs(np.log(UNITS[name] * template_size)))
+    if not 0.8 < UNITS[word] * template_size < 1.25:
+        return 1 / template_size, (
+            f"The scan's face has no face's size in any usual unit; it is scaled by {1 / template_size:.4g} to be as "
+            "large as the template's. Say the unit if you know it."
+        )
+    said = f"The scan is taken to be in {word}: only then is its face as large as a face."
+    return UNITS[word], None if word == "millimetres" else said
+
+
 def clustered(vertices: np.ndarray, faces: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:
     """Vertices and faces of a mesh whose vertices are joined in cells of a grid, until at most `most` faces are left.
 

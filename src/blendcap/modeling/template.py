@@ -11,12 +11,14 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
 from blendcap.data import Mesh, Rig
+from blendcap.modeling.contacts import find_contacts, gaps
 from blendcap.numerics.geodesic import sewn_vertices
 from blendcap.numerics.similarity import align, apply
 from blendcap.numerics.surfaces import border_vertices, face_normals, parts, vertex_normals
 from blendcap.rendering.light import openness
 
 OPEN = 0.12  # a vertex that sees less of the sky than this is inside: no scanner sees it either
+CLOSED = 1.0  # mm: a contact that is closer at rest stays together
 NEAR = 0.012  # of the template's size: parts closer than this belong together, as teeth and gums do
 CLINGS = 0.006  # of the template's size: a part that is nowhere farther from the skin than this clings to it (lashes)
 AROUND = 0.05  # of the template's size: how far around a part the skin decides how it is carried
@@ -36,12 +38,15 @@ class Skin:
         Triangles between `rows`.
     visible : (n,) bool
         Which of them a scan can show; the others follow by stiffness alone.
+    touching : (P, 2) int64
+        Places in `rows` that meet at rest though no edge joins them, as closed lips do.
     """
 
     rows: np.ndarray
     stands_for: np.ndarray
     faces: np.ndarray
     visible: np.ndarray
+    touching: np.ndarray
 
     def landmarks(self, sampling: Any, positions: np.ndarray) -> tuple[Any, np.ndarray]:
         """Sampling (L, n) of `rows` and positions (L, 3) of the landmarks that lie on the skin.
@@ -69,7 +74,18 @@ def find_skin(template: Mesh | Rig) -> Skin:
     place = np.full(len(sewn), -1)
     place[rows] = np.arange(len(rows))
     seen = openness(mesh.vertices, vertex_normals(mesh.vertices, mesh.faces), mesh.faces) > OPEN
-    return Skin(rows, place[sewn], place[faces], seen[rows])
+    return Skin(rows, place[sewn], place[faces], seen[rows], _touching(template, place[sewn]))
+
+
+def _touching(template: Mesh | Rig, stands_for: np.ndarray) -> np.ndarray:
+    """The contacts of a rig that are closed in its neutral."""
+    if isinstance(template, Mesh):
+        return np.zeros((0, 2), np.int64)
+    contacts = template.contacts or find_contacts(template)
+    pairs = np.concatenate([np.zeros((0, 2), np.int64), *contacts.values()])
+    pairs = pairs[gaps(template.mesh.vertices, pairs) < CLOSED]
+    pairs = stands_for[pairs]
+    return pairs[(pairs >= 0).all(1) & (pairs[:, 0] != pairs[:, 1])]
 
 
 def _sewn(template: Mesh | Rig) -> np.ndarray:
