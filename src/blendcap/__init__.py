@@ -38,6 +38,7 @@ _HOMES = {
     # modeling
     "find_landmarks": "modeling.landmarks",
     "train_landmarks": "modeling.training",
+    "bake_normals": "modeling.detail",
     "register": "modeling.registration",
     "transfer_rig": "modeling.transfer",
     # solving
@@ -75,6 +76,7 @@ if TYPE_CHECKING:
     from blendcap.markers.binding import bind as bind
     from blendcap.markers.solve import solve as solve
     from blendcap.metrics import evaluate as evaluate
+    from blendcap.modeling.detail import bake_normals as bake_normals
     from blendcap.modeling.landmarks import find_landmarks as find_landmarks
     from blendcap.modeling.registration import register as register
     from blendcap.modeling.training import train_landmarks as train_landmarks

@@ -15,6 +15,7 @@ from blendcap.io.ict import NEUTRAL, read_ict_folder, read_ict_pack
 from blendcap.io.livelink import animation_of_live_link, is_live_link, write_live_link
 from blendcap.io.marker_csv import read_marker_csv, write_marker_csv
 from blendcap.io.meshes import read_scan, write_scan
+from blendcap.io.normal_maps import with_normal_maps, write_normal_maps
 from blendcap.io.npz import npz_names
 from blendcap.io.obj import read_obj, write_obj
 from blendcap.io.obj_folder import read_obj_folder
@@ -62,7 +63,7 @@ def read_rig(path: str | os.PathLike, unit: str | None = None) -> Rig:
         return rig
     kind = _ending(path, "read a rig", (".glb", ".gltf", ".npz"), "a folder of OBJ files")
     if kind != ".npz":
-        return read_glb_rig(path)
+        return with_normal_maps(path, read_glb_rig(path))
     return read_ict_pack(path) if "expression_deltas" in npz_names(path) else read_rig_npz(path)
 
 
@@ -91,10 +92,14 @@ def write_mesh(path: str | os.PathLike, mesh: Mesh) -> None:
 
 
 def write_rig(path: str | os.PathLike, rig: Rig, animation: Animation | None = None) -> None:
-    """Write a rig: .glb, with an animation if one is given, or .npz without."""
+    """Write a rig: .glb, with an animation if one is given, or .npz without.
+
+    The normal maps of shapes go into a folder beside the .glb (see `normal_maps`); an .npz holds them itself.
+    """
     kind = _ending(path, "write a rig", (".glb", ".npz"))
     if kind == ".glb":
         write_glb_rig(path, rig, animation)
+        write_normal_maps(path, rig)
     elif animation is not None:
         raise InputError(f"Cannot write {path}: a rig .npz holds no animation; write .glb, or the animation by itself.")
     else:
