@@ -9,13 +9,13 @@ import pytest
 from blendcap import Animation, InputError, read_animation, read_markers, read_rig, read_video
 from blendcap.io.npz import read_meta, read_npz
 from blendcap.rendering import Light
-from blendcap.synthetic.action_units import action_units
 from blendcap.synthetic.color import Take, drift, film, one_light
 from blendcap.synthetic.head_camera import Sensor, film_head, mount_head_camera
 from blendcap.synthetic.mannequin import mannequin
 from blendcap.synthetic.performances import for_rig
 from blendcap.synthetic.performer import make_performer
 from blendcap.synthetic.takes import choose_points, make_take
+from blendcap.synthetic.unit_curves import unit_curves
 from blendcap.synthetic.views import five_views, head_motion, one_camera, photographs
 from blendcap.view.footage import write_shots
 
@@ -128,12 +128,12 @@ def test_drift_has_its_size():
 
 def test_action_units_come_from_the_names():
     names = ("browInnerUp", "mouthSmile_L", "mouthPucker", "unknown")
-    units = action_units(Animation([[0.2, 0.8, 0.5, 1.0]], names, 30.0))
+    units = unit_curves(Animation([[0.2, 0.8, 0.5, 1.0]], names, 30.0))
     assert dict(zip(units.names, units.weights[0], strict=True)) == {
-        "AU1_left": 0.2, "AU1_right": 0.2, "AU12_left": 0.8, "AU18_left": 0.5, "AU18_right": 0.5,
+        "AU1L": 0.2, "AU1R": 0.2, "AU12L": 0.8, "AU18L": 0.5, "AU18R": 0.5,
     }  # fmt: skip
     with pytest.raises(InputError, match="None of the shapes unknown"):
-        action_units(Animation([[1.0]], ("unknown",), 30.0))
+        unit_curves(Animation([[1.0]], ("unknown",), 30.0))
 
 
 def test_one_light_is_one_light():
@@ -159,7 +159,7 @@ def test_what_is_written_holds_the_truth(tmp_path):
     np.testing.assert_array_equal(arrays["dots_visible"], shots[0].markers.visible)
     np.testing.assert_array_equal(arrays["light_rings"], shots[0].lights["rings"])
     np.testing.assert_array_equal(read_animation(tmp_path / "animation.npz").weights, shots[0].animation.weights)
-    assert "AU26_left" in read_animation(tmp_path / "action_units.npz").names
+    assert "AU26L" in read_animation(tmp_path / "action_units.npz").names
     np.testing.assert_allclose(read_markers(tmp_path / "markers.c3d").positions, take.positions, atol=1e-3)
     assert read_video(tmp_path / "upper_right.mp4").count == 4
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 
 from blendcap.data import Camera, InputError
 
@@ -66,17 +67,20 @@ def to_homogeneous(points: np.ndarray, camera: Camera) -> np.ndarray:
     """
     seen = np.asarray(points, dtype=np.float64) @ camera.pose[:3, :3].T + camera.pose[:3, 3]
     if camera.distortion.any():
-        front = seen[..., 2] > 0
-        seen[front] = _distort(seen[front], camera.distortion)
+        seen = np.ascontiguousarray(seen)
+        _distort(seen.reshape(-1, 3), camera.distortion)
     return seen @ camera.intrinsics.T
 
 
-def _distort(seen: np.ndarray, distortion: np.ndarray) -> np.ndarray:
+@njit(cache=True, nogil=True)
+def _distort(seen, distortion):
+    """Move points (P, 3) before the camera, in place, to where a straight lens would have them."""
     k1, k2, p1, p2, k3 = distortion
-    depth = seen[:, 2]
-    x, y = seen[:, 0] / depth, seen[:, 1] / depth
-    r2 = x * x + y * y
-    radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
-    bent_x = x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
-    bent_y = y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
-    return np.stack([bent_x * depth, bent_y * depth, depth], -1)
+    for row in range(len(seen)):
+        depth = seen[row, 2]
+        if depth > 0:
+            x, y = seen[row, 0] / depth, seen[row, 1] / depth
+            r2 = x * x + y * y
+            radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+            seen[row, 0] = (x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)) * depth
+            seen[row, 1] = (y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y) * depth

@@ -22,6 +22,7 @@ from blendcap.rendering.rasterize import edges, fill, line_up
 DIFFUSE, SHINE, ALBEDO, WIDTH = 0, 1, 2, 3
 # columns of a light
 AXIS, STRENGTH, POWER = 3, 6, 7
+AWAY = -0.6  # cosine between the direction of the camera and the normal of a vertex that nobody sees
 # places of the samples in a pixel, so that three pictures a frame also smooth its edges
 MOMENT = 8**-0.5  # of the exposure, before and after its middle: a streak spreads light as far as one without gaps
 JITTER = 0.22 * np.array([[1, -1], [-2, 2], [1, -1]])  # in no step with the moments, or it would bend a streak
@@ -150,7 +151,8 @@ def _light(vertices, normals, sky, gloss, eye, lights, ambient, table):
         nx, ny, nz = normals[p, 0], normals[p, 1], normals[p, 2]
         vx, vy, vz = _unit(eye[0] - vertices[p, 0], eye[1] - vertices[p, 1], eye[2] - vertices[p, 2])[:3]
         diffuse, shine = ambient * sky[p], 0.0
-        for n in range(len(lights)):
+        turned = nx * vx + ny * vy + nz * vz < AWAY  # no face that it belongs to is seen
+        for n in range(0 if turned else len(lights)):
             lx, ly, lz, square = _unit(
                 lights[n, 0] - vertices[p, 0], lights[n, 1] - vertices[p, 1], lights[n, 2] - vertices[p, 2]
             )

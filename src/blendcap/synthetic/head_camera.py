@@ -165,7 +165,7 @@ def film_head(
 
     def developed(number: int):
         def develop(vertices: np.ndarray, shift: np.ndarray, frame: int) -> np.ndarray:
-            camera, rng = helmet.cameras[number], np.random.default_rng([seed, number, frame])
+            camera, rng = helmet.cameras[number], np.random.Generator(np.random.SFC64([seed, number, frame]))
             light = surface.picture(vertices, camera, helmet.size, helmet.lights, ambient=helmet.ambient, shift=shift)
             return helmet.sensor.read_out(light, rng)
 

@@ -12,8 +12,8 @@ from blendcap.data import InputError, MarkerTake
 from blendcap.io import write_animation, write_image, write_markers, write_video
 from blendcap.io.npz import write_npz
 from blendcap.io.video_write import FOR_PROGRAMS
-from blendcap.synthetic.action_units import action_units
 from blendcap.synthetic.shot import Shot
+from blendcap.synthetic.unit_curves import unit_curves
 
 
 def write_shots(folder: str | os.PathLike, shots: Iterable[Shot], take: MarkerTake | None = None) -> list[Path]:
@@ -45,7 +45,7 @@ def write_shots(folder: str | os.PathLike, shots: Iterable[Shot], take: MarkerTa
     if first is not None:
         files += [folder / "animation.npz", folder / "action_units.npz"]
         write_animation(files[-2], first.animation)
-        write_animation(files[-1], action_units(first.animation))
+        write_animation(files[-1], unit_curves(first.animation))
     if take is not None:
         files.append(folder / "markers.c3d")
         write_markers(files[-1], take)

@@ -9,8 +9,8 @@ from blendcap.data.facs import SHAPES
 from blendcap.data.names import canonical
 
 
-def action_units(animation: Animation) -> Animation:
-    """The intensity of each action unit, 0 to 1, on each side: names such as "AU12_left", by rising number.
+def unit_curves(animation: Animation) -> Animation:
+    """The intensity of each action unit, 0 to 1, on each side: AU12L, AU12R, by rising number.
 
     A unit is as strong as the strongest of its shapes; a shape without a side counts for both. Shapes that the table of
     `blendcap.data.facs` does not know, or that stand for no unit, are left out.
@@ -31,5 +31,5 @@ def action_units(animation: Animation) -> Animation:
         raise InputError(f"None of the shapes {', '.join(animation.names[:4])} ... stands for an action unit.")
     keys = sorted(columns)
     weights = np.stack([animation.weights[:, columns[key]].max(1) for key in keys], axis=1)
-    names = tuple(f"AU{unit}_{side}" for unit, side in keys)
+    names = tuple(f"AU{unit}{side[0].upper()}" for unit, side in keys)
     return Animation(weights.clip(0, 1), names, animation.rate, times=animation.times)
