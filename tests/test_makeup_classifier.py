@@ -4,12 +4,14 @@ import numpy as np
 import pytest
 
 from blendcap.data import InputError
+from blendcap.io.models import read_model, write_model
 from blendcap.makeup.augmentation import warped
 from blendcap.makeup.classifier import margin, tally
 from blendcap.makeup.curves import classify
 from blendcap.makeup.features import features, gabor, gabor_bank
 from blendcap.makeup.intensity import measure_intensity
 from blendcap.makeup.lesson import Lesson
+from blendcap.makeup.packing import KIND, VERSION, pack, unpack
 from blendcap.makeup.patches import Patches
 from blendcap.makeup.training import _soft, train_classifier
 from blendcap.makeup.units import Region
@@ -152,3 +154,29 @@ def test_a_lesson_of_another_length_or_of_one_showing_is_refused(lesson):
 def test_a_unit_without_a_place_in_the_table_is_named(trained, lesson):
     with pytest.raises(InputError, match="no entry for 'AU9'"):
         classify(trained, lesson[0], table={"AU1+2": {}, "AU4": {}})
+
+
+def test_a_classifier_comes_back_from_its_file(trained, tmp_path):
+    path = tmp_path / "model.npz"
+    write_model(path, KIND, VERSION, *pack(trained))
+    again = unpack(*read_model(path, KIND, VERSION))
+    patches, _, _ = perform(repetitions=1, seed=8)
+    for ours, theirs in zip(trained(patches), again(patches), strict=True):
+        np.testing.assert_array_equal(ours, theirs)
+    assert again.units == trained.units and again.models[0].scores == trained.models[0].scores
+    np.testing.assert_array_equal(again.models[0].confusion, trained.models[0].confusion)
+
+
+def test_damaged_classifiers_are_refused(trained, tmp_path):
+    path = tmp_path / "model.npz"
+    meta, arrays = pack(trained)
+    write_model(path, "something else", VERSION, meta, arrays)
+    with pytest.raises(InputError, match="is not a patch classifier"):
+        read_model(path, KIND, VERSION)
+    write_model(path, KIND, 99, meta, arrays)
+    with pytest.raises(InputError, match="of version 99, but 1 is read here"):
+        read_model(path, KIND, VERSION)
+    with pytest.raises(InputError, match="does not fit together"):
+        unpack(meta, arrays | {"0:weights": arrays["0:weights"][:1]})
+    with pytest.raises(InputError, match="damaged"):
+        unpack(meta, {key: value for key, value in arrays.items() if key != "0:offsets"})

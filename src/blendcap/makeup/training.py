@@ -169,7 +169,7 @@ def _fit(data: _Data, method: str, ridge: float, seed: int) -> tuple[np.ndarray,
         slopes, shifts = _regression(inner, data.amounts, ridge)
         classes = np.zeros((0, 2), dtype=int)
     weights = (slopes / deviations) @ axes
-    return weights.astype(np.float32), shifts - weights @ mean, classes
+    return np.ascontiguousarray(weights, dtype=np.float32), shifts - weights @ mean, classes
 
 
 def _components(seen: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

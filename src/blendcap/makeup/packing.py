@@ -1,0 +1,86 @@
+"""A patch classifier as plain arrays and a description, for a file, and back."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from blendcap.data import InputError
+from blendcap.makeup.classifier import METHODS, PatchClassifier, RegionModel
+from blendcap.makeup.features import FEATURES
+from blendcap.makeup.intensity import Intensity
+from blendcap.makeup.units import Region
+
+KIND, VERSION = "patch classifier", 1
+_ARRAYS = ("weights", "offsets", "classes", "trust", "errors", "confusion")
+_SCALES = ("direction", "neutral", "full", "centers")
+
+
+def pack(classifier: PatchClassifier) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """The description, ready for JSON, and the arrays of a classifier."""
+    arrays = {f"neutral:{name}": picture for name, picture in classifier.neutral.items()}
+    for i, model in enumerate(classifier.models):
+        arrays |= {f"{i}:{name}": np.asarray(getattr(model, name)) for name in _ARRAYS}
+        for name in _SCALES:
+            arrays[f"{i}:{name}"] = np.array([getattr(scale, name) for scale in model.scales])
+    regions = [
+        {"name": m.region.name, "patches": m.region.patches, "units": m.region.units, "scores": dict(m.scores)}
+        for m in classifier.models
+    ]
+    meta = {
+        "method": classifier.method, "features": classifier.kind, "relative": classifier.relative, "regions": regions,
+        "units": classifier.units, "unit": "intensity 0 to 1",
+    }  # fmt: skip
+    return meta, arrays
+
+
+def unpack(meta: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> PatchClassifier:
+    """The classifier that `pack` took apart.
+
+    Raises
+    ------
+    InputError
+        If something is missing or does not fit together.
+    """
+    try:
+        models = [_model(i, entry, arrays) for i, entry in enumerate(meta["regions"])]
+        neutral = {key.partition(":")[2]: value for key, value in arrays.items() if key.startswith("neutral:")}
+        method, kind, relative = meta["method"], meta["features"], bool(meta["relative"])
+    except (KeyError, TypeError, ValueError, IndexError) as error:
+        raise InputError(f"The patch classifier is damaged ({error}); train it anew.") from None
+    if method not in METHODS or kind not in FEATURES or not models:
+        raise InputError(f"The patch classifier is of a form that is not known ({method!r}, {kind!r}); train it anew.")
+    for model in models:
+        _check(model, method, neutral)
+    return PatchClassifier(models, neutral, method, kind, relative)
+
+
+def _model(i: int, entry: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> RegionModel:
+    region = Region(str(entry["name"]), tuple(map(str, entry["patches"])), tuple(map(str, entry["units"])))
+    values = {name: arrays[f"{i}:{name}"] for name in _ARRAYS}
+    parts = [arrays[f"{i}:{name}"] for name in _SCALES]
+    scales = tuple(
+        Intensity(direction, float(neutral), float(full), centers)
+        for direction, neutral, full, centers in zip(*parts, strict=True)
+    )
+    scores = {str(name): float(score) for name, score in entry["scores"].items()}
+    return RegionModel(region, **values, scales=scales, scores=scores)
+
+
+def _check(model: RegionModel, method: str, neutral: Mapping[str, np.ndarray]) -> None:
+    units, classes = len(model.region.units), len(model.classes)
+    rows = classes * (classes - 1) // 2 if method == "svm" else units
+    fits = (
+        model.weights.ndim == 2
+        and model.weights.shape[0] == rows == len(model.offsets)
+        and model.classes.shape == (classes, 2)
+        and (classes > 1) == (method == "svm")
+        and model.errors.shape == (units,)
+        and model.trust.shape == (2,)
+        and set(model.region.patches) <= set(neutral)
+        and all(np.isfinite(values).all() for values in (model.weights, model.offsets, model.trust, model.errors))
+    )
+    if not fits:
+        raise InputError(f"The patch classifier's region {model.region.name!r} does not fit together; train it anew.")
