@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from blendcap.data import Camera, InputError
-from blendcap.makeup.patches import Patches, align, extract_patches, paint, paint_threshold
+from blendcap.makeup.patches import Patches, each_block, extract_patches, flows, laid_over, paint, paint_threshold
 from blendcap.makeup.regions import PATCH_SIZE, PATCHES, patch_corners, seen_patches
 from blendcap.makeup.stabilization import Stabilizer, similarity
 from blendcap.rendering.camera import look_at
@@ -80,6 +80,16 @@ def test_patches_do_not_feel_slip_or_light():
     assert (lifted[0] != lifted[1]).mean() > 0.1
 
 
+def test_blocks_are_the_parts_of_the_whole():
+    frames = [frame(moved(0.01 * t, 1, (t, 0)), seed=t) for t in range(7)]
+    whole = cut(frames)
+    blocks = list(each_block([iter(frames)], {"forehead": (0, CORNERS)}, [ANCHORS], 60.0, block=3))
+    assert [len(block.sure) for block in blocks] == [3, 3, 1]
+    np.testing.assert_array_equal(np.concatenate([b.images["forehead"] for b in blocks]), whole.images["forehead"])
+    for block in blocks:
+        np.testing.assert_array_equal(block.neutral["forehead"], whole.images["forehead"][0])
+
+
 def test_markers_are_not_paint():
     dotted = frame()
     cv2.circle(dotted, (160, 128), 4, 255, -1)
@@ -119,12 +129,13 @@ def test_one_point_cannot_stabilize():
 
 def test_another_build_is_laid_over_the_training_face():
     ours, theirs = draw({}), draw({}, build=3.0)
-    images = {name: np.stack([picture, draw({"AU4": 1.0}, build=3.0)[name]]) for name, picture in theirs.items()}
-    laid = align(Patches(images, 60.0, np.ones(2)), ours)
+    images = {name: picture[None] for name, picture in theirs.items()}
+    laid = laid_over(Patches(images, 60.0, np.ones(1), theirs), flows(theirs, ours))
     for name in ours:
         before = np.abs(theirs[name].astype(float) - ours[name]).mean()
         after = np.abs(laid.images[name][0].astype(float) - ours[name]).mean()
         assert after < 0.6 * before
+        np.testing.assert_array_equal(laid.neutral[name], laid.images[name][0])
 
 
 @pytest.fixture(scope="module")

@@ -49,4 +49,5 @@ def perform(repetitions: int = 4, build: float = 0.0, seed: int = 0) -> tuple[Pa
     truth = np.concatenate(amounts)
     frames = [draw(dict(zip(REGION.units, row, strict=True)), build) for row in truth]
     images = {name: np.stack([frame[name] for frame in frames]) for name in REGION.patches}
-    return Patches(images, RATE, np.ones(len(truth))), Lesson.of_spans(spans, len(truth), RATE), truth
+    patches = Patches(images, RATE, np.ones(len(truth)), draw({}, build))
+    return patches, Lesson.of_spans(spans, len(truth), RATE), truth

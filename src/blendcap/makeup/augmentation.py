@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from blendcap.makeup.patches import Patches
+from blendcap.makeup.patches import Patches, laid_over
 from blendcap.makeup.units import Region
 
 SMOOTH = 10.0  # pixels over which a warp changes
@@ -16,13 +16,11 @@ def warped(patches: Patches, region: Region, seed: int) -> Patches:
     import cv2
 
     rng = np.random.default_rng(seed)
-    images = {}
+    tables = {}
     for name in region.patches:
-        frames = patches.images[name]
-        height, width = frames.shape[1:]
+        height, width = patches.neutral[name].shape
         shift = [cv2.GaussianBlur(rng.normal(size=(height, width)), (0, 0), SMOOTH) for _ in range(2)]
         shift = [SIZE * field / field.std() for field in shift]
         x, y = np.meshgrid(np.arange(width), np.arange(height))
-        table = ((x + shift[0]).astype(np.float32), (y + shift[1]).astype(np.float32))
-        images[name] = np.stack([cv2.remap(frame, *table, cv2.INTER_LINEAR) for frame in frames])
-    return Patches(images, patches.rate, patches.sure)
+        tables[name] = ((x + shift[0]).astype(np.float32), (y + shift[1]).astype(np.float32))
+    return laid_over(patches, tables)

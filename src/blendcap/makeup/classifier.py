@@ -106,9 +106,9 @@ class PatchClassifier:
 
 
 def seen_features(patches: Patches, region: Region, kind: str, relative: bool) -> np.ndarray:
-    """Features (T, D) of a region; without those of the first, neutral frame if `relative`."""
+    """Features (T, D) of a region; without those of the neutral frame if `relative`."""
     seen = features(patches.of(region.patches), kind)
-    return seen - seen[:1] if relative else seen
+    return seen - features([patches.neutral[name][None] for name in region.patches], kind) if relative else seen
 
 
 def tally(values: np.ndarray, count: int) -> np.ndarray:

@@ -5,13 +5,13 @@ Sections 7.2 and 7.2.4 of Reading Between the Dots (2016), 4.1.8 and 4.1.12 of t
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
 from blendcap.data import Animation, InputError
 from blendcap.makeup.classifier import PatchClassifier
-from blendcap.makeup.patches import Patches, align
+from blendcap.makeup.patches import Patches, flows, laid_over
 from blendcap.makeup.units import ARKIT_TABLE
 from blendcap.numerics.smoothing import smooth
 
@@ -24,7 +24,7 @@ SHOWN = 0.05  # an intensity below is rest
 
 def classify(
     classifier: PatchClassifier,
-    patches: Patches,
+    patches: Patches | Iterable[Patches],
     *,
     table: Mapping[str, Mapping[str, float]] = ARKIT_TABLE,
     aligned: bool = True,
@@ -35,8 +35,8 @@ def classify(
     Parameters
     ----------
     classifier : PatchClassifier
-    patches : Patches
-        Of any performer; the first frame is neutral.
+    patches : Patches, or its blocks one after the other
+        Of any performer.
     table : {unit: {shape: weight at full intensity}}
         Made once for each rig; ARKit's names if not given.
     aligned : bool
@@ -60,17 +60,29 @@ def classify(
         raise InputError(
             f"The table from units to shapes has no entry for {lacking[0]!r}; add it, empty if the rig has no shape."
         )
-    if aligned:
-        patches = align(patches, classifier.neutral)
-    intensity, probability = classifier(patches)
-    intensity = np.clip(smooth(intensity, patches.rate, WINDOWS[classifier.method]), 0, 1)
+    blocks = [patches] if isinstance(patches, Patches) else patches
+    intensity, probability, sure, rate = _answers(classifier, blocks, aligned)
+    intensity = np.clip(smooth(intensity, rate, WINDOWS[classifier.method]), 0, 1)
     errors = np.concatenate([model.errors for model in classifier.models])
-    trust = np.minimum(1, (SURE / np.maximum(errors, 1e-6)) ** 2) * probability * patches.sure[:, None]
+    trust = np.minimum(1, (SURE / np.maximum(errors, 1e-6)) ** 2) * probability * sure[:, None]
     if not everywhere:
         trust = trust * (intensity > SHOWN)
-    trust = np.clip(smooth(trust, patches.rate, INFLUENCE_WINDOW), 0, 1)
+    trust = np.clip(smooth(trust, rate, INFLUENCE_WINDOW), 0, 1)
     names, weights, confidence = _on_shapes(classifier.units, intensity, trust, table)
-    return Animation(weights, names, patches.rate, confidence=confidence, meta={"source": "makeup patches"})
+    return Animation(weights, names, rate, confidence=confidence, meta={"source": "makeup patches"})
+
+
+def _answers(classifier: PatchClassifier, blocks: Iterable[Patches], aligned: bool):
+    """Intensities (T, U), probabilities (T, U), certainty of the stabilization (T,), and the rate."""
+    parts, tables, rate = [], None, 0.0
+    for block in blocks:
+        rate = block.rate
+        block.of(tuple(classifier.neutral))
+        if aligned:
+            tables = tables or flows(block.neutral, classifier.neutral)
+        parts.append((*classifier(laid_over(block, tables) if tables else block), block.sure))
+    intensity, probability, sure = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return intensity, probability, sure, rate
 
 
 def _on_shapes(units, intensity, trust, table) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +11,7 @@ from blendcap.data import InputError
 from blendcap.makeup.regions import PATCH_SIZE
 from blendcap.makeup.stabilization import Stabilizer
 
+BLOCK = 600  # frames
 LEAST_PAINT = 0.01  # part of a neutral patch that paint must cover to be paint
 CONTRAST = 1.3  # paint is brighter than skin by this factor at least
 SEARCH = 3  # pixels of blur before patches of two people are laid over each other
@@ -28,11 +29,14 @@ class Patches:
         Frames a second.
     sure : (T,) float64
         Part of the stabilizing points that were found, the least over the cameras.
+    neutral : {patch: (h, w) uint8}
+        At rest: the first frame of the take.
     """
 
     images: Mapping[str, np.ndarray]
     rate: float
     sure: np.ndarray
+    neutral: Mapping[str, np.ndarray]
 
     def of(self, names: Sequence[str]) -> list[np.ndarray]:
         """The pictures of these patches; refuses one that is not there."""
@@ -44,13 +48,21 @@ class Patches:
             )
         return [self.images[name] for name in names]
 
-    @property
-    def neutral(self) -> dict[str, np.ndarray]:
-        """The first picture of each patch."""
-        return {name: frames[0] for name, frames in self.images.items()}
-
 
 def extract_patches(
+    videos: Sequence[Iterable[np.ndarray]],
+    places: Mapping[str, tuple[int, np.ndarray]],
+    anchors: Sequence[np.ndarray],
+    rate: float,
+    **options,
+) -> Patches:
+    """The makeup patches of a whole take; see `each_block`."""
+    blocks = list(each_block(videos, places, anchors, rate, **options))
+    images = {name: np.concatenate([block.images[name] for block in blocks]) for name in places}
+    return Patches(images, rate, np.concatenate([block.sure for block in blocks]), blocks[0].neutral)
+
+
+def each_block(
     videos: Sequence[Iterable[np.ndarray]],
     places: Mapping[str, tuple[int, np.ndarray]],
     anchors: Sequence[np.ndarray],
@@ -59,8 +71,9 @@ def extract_patches(
     dots: Sequence[np.ndarray] | None = None,
     dot_radius: float = 5.0,
     threshold: float | None = None,
-) -> Patches:
-    """Cut the patches out of head-camera video.
+    block: int = BLOCK,
+) -> Iterator[Patches]:
+    """Cut the patches out of head-camera video, a block of frames at a time: memory does not grow with the take.
 
     Parameters
     ----------
@@ -79,6 +92,8 @@ def extract_patches(
     threshold : float, optional
         Brightness, in multiples of the patch's median, from which on a pixel is paint; found from the first frame of
         each patch if not given.
+    block : int
+        Frames.
 
     Raises
     ------
@@ -86,13 +101,27 @@ def extract_patches(
         If there is no frame, the cameras' videos differ in length, or a patch shows no paint.
     """
     cutters = [_Cutter(view, places, anchors[view], threshold) for view in range(len(videos))]
+    neutral: dict[str, np.ndarray] = {}
     for t, frames in enumerate(_together(videos)):
         for view, (cutter, frame) in enumerate(zip(cutters, frames, strict=True)):
             cutter.cut(frame, None if dots is None else dots[view][t], dot_radius)
-    if not cutters or not cutters[0].sure:
+        if t == 0:
+            neutral = {name: pictures[0] for cutter in cutters for name, pictures in cutter.images.items()}
+        if (t + 1) % block == 0:
+            yield _collected(cutters, places, rate, neutral)
+    if not neutral:
         raise InputError("The head-camera video has no frame; check the files.")
-    images = {name: np.array(frames) for cutter in cutters for name, frames in cutter.images.items()}
-    return Patches({name: images[name] for name in places}, rate, np.min([c.sure for c in cutters], axis=0))
+    if cutters[0].sure:
+        yield _collected(cutters, places, rate, neutral)
+
+
+def _collected(cutters: list[_Cutter], places, rate: float, neutral) -> Patches:
+    """What the cutters have cut since they were last asked."""
+    images = {name: np.array(pictures) for cutter in cutters for name, pictures in cutter.images.items()}
+    sure = np.min([cutter.sure for cutter in cutters], axis=0)
+    for cutter in cutters:
+        cutter.forget()
+    return Patches({name: images[name] for name in places}, rate, sure, {name: neutral[name] for name in places})
 
 
 def _together(videos: Sequence[Iterable[np.ndarray]]) -> Iterable[tuple[np.ndarray, ...]]:
@@ -122,6 +151,10 @@ class _Cutter:
         self.sure: list[float] = []
         self.limits: dict[str, float] = {}
         self.stabilizer: Stabilizer | None = None
+
+    def forget(self) -> None:
+        """Let go of what was cut so far."""
+        self.images, self.sure = {name: [] for name in self.corners}, []
 
     def cut(self, frame: np.ndarray, dots: np.ndarray | None, radius: float) -> None:
         first = self.stabilizer is None
@@ -196,28 +229,31 @@ def _zoom(warp: np.ndarray) -> float:
     return float(np.sqrt(abs(np.linalg.det(warp[:2, :2] / warp[2, 2]))))
 
 
-def align(patches: Patches, neutral: Mapping[str, np.ndarray]) -> Patches:
-    """The patches laid over the neutral ones of another face: dense flow between the neutrals, applied to every frame.
+def flows(start: Mapping[str, np.ndarray], goal: Mapping[str, np.ndarray]) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Where in the neutral patches `start` of one face the places of another's, `goal`, are: a table of x and of y.
 
     Section 7.2.4 of the 2016 paper (there Liu's flow; here dense inverse search, Kroeger et al. 2016,
     doi:10.1007/978-3-319-46493-0_29).
-
-    Parameters
-    ----------
-    patches : Patches
-        The first frame is neutral.
-    neutral : {patch: (h, w) uint8}
-        Of the training face.
     """
     import cv2
 
-    flow = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
-    images = {}
-    for name, frames in patches.images.items():
-        goal, start = (cv2.GaussianBlur(image, (0, 0), SEARCH) for image in (neutral[name], frames[0]))
-        moved = flow.calc(goal, start, None)  # pyright: ignore[reportCallIssue, reportArgumentType]
-        height, width = goal.shape
+    flow, tables = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM), {}
+    for name, picture in goal.items():
+        ours, theirs = (cv2.GaussianBlur(image, (0, 0), SEARCH) for image in (picture, start[name]))
+        moved = np.asarray(flow.calc(ours, theirs, None))  # pyright: ignore[reportCallIssue, reportArgumentType]
+        height, width = picture.shape
         x, y = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
-        table = (x + moved[..., 0], y + moved[..., 1])
-        images[name] = np.stack([cv2.remap(frame, *table, cv2.INTER_LINEAR) for frame in frames])
-    return Patches(images, patches.rate, patches.sure)
+        tables[name] = (x + moved[..., 0], y + moved[..., 1])
+    return tables
+
+
+def laid_over(patches: Patches, tables: Mapping[str, tuple[np.ndarray, np.ndarray]]) -> Patches:
+    """The patches seen through the tables of `flows`, every frame and the neutral one."""
+    import cv2
+
+    def through(name: str, picture: np.ndarray) -> np.ndarray:
+        return cv2.remap(picture, *tables[name], cv2.INTER_LINEAR)
+
+    images = {name: np.stack([through(name, picture) for picture in patches.images[name]]) for name in tables}
+    neutral = {name: through(name, patches.neutral[name]) for name in tables}
+    return Patches(images, patches.rate, patches.sure, neutral)

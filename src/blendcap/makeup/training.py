@@ -17,6 +17,7 @@ from blendcap.makeup.patches import Patches
 from blendcap.makeup.units import REGIONS, Region
 
 VARIANCE = 0.9  # of the features, that the principal components keep
+MOST_FRAMES = 1500  # from which principal components are taken, about
 RIDGES = (1.0, 10.0, 100.0, 1000.0)
 SOFT = 3.0  # pixels of blur before the modes of variation are sought
 COST = 0.1  # C of the support vector machine
@@ -116,12 +117,13 @@ def _train_region(patches, lesson: Lesson, region: Region, method, kind, relativ
 def _labeled(patches: Patches, lesson: Lesson, region: Region, seed: int):
     """Scales of the units, the unit of each frame, intensities (T, U) and classes (T,) of the training frames."""
     pictures = np.concatenate([_soft(frames) for frames in patches.of(region.patches)], axis=1)
+    rest = np.concatenate([_soft(patches.neutral[name][None])[0] for name in region.patches])
     count, scales = len(pictures), []
     units, labels = np.full(count, -1), np.zeros(count, dtype=int)
     amounts = np.zeros((count, len(region.units)))
     for u, unit in enumerate(region.units):
         own = np.flatnonzero(lesson.units == unit)
-        scale: Intensity = measure_intensity(pictures[own], pictures[0], seed)
+        scale: Intensity = measure_intensity(pictures[own], rest, seed)
         level = scale.level(pictures[own])
         amounts[own, u] = scale.amount(pictures[own])
         labels[own] = np.where(level > 0, u * (LEVELS - 1) + level, 0)
@@ -175,13 +177,14 @@ def _fit(data: _Data, method: str, ridge: float, seed: int) -> tuple[np.ndarray,
 def _components(seen: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Mean (D,), principal axes (P, D) that keep `VARIANCE`, and the deviations (P,) along them."""
     mean = seen.mean(0)
-    centered = seen - mean
+    every = max(1, len(seen) // MOST_FRAMES)  # neighboring frames are alike
+    centered = seen[::every] - mean
     values, vectors = np.linalg.eigh((centered @ centered.T).astype(np.float64))
     values, vectors = values[::-1].clip(0), vectors[:, ::-1]
     count = int(np.searchsorted(np.cumsum(values) / max(values.sum(), 1e-12), VARIANCE)) + 1
     scale = np.sqrt(np.maximum(values[:count], 1e-12))
     axes = (vectors[:, :count] / scale).T @ centered
-    return mean.astype(np.float64), axes, scale / np.sqrt(len(seen))
+    return mean.astype(np.float64), axes, scale / np.sqrt(len(centered))
 
 
 def _best_ridge(data: _Data) -> float:
