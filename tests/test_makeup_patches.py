@@ -104,7 +104,7 @@ def test_paint_is_found_at_the_brightness_between_skin_and_paint():
     patch = np.full((44, 56), 80, dtype=np.uint8)
     patch[20:24] = 200
     limit = paint_threshold(patch)
-    assert 1.0 <= limit < 2.5
+    assert 0.0 <= limit < 1.5
     np.testing.assert_array_equal(paint(patch, limit) == 255, patch == 200)
     np.testing.assert_array_equal(paint(patch // 2, limit) == 255, patch == 200)
 

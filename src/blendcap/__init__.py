@@ -46,6 +46,8 @@ _HOMES = {
     "solve": "markers.solve",
     "SolveSettings": "solving.settings",
     "solve_box": "numerics.boxls",
+    "train_classifier": "makeup.training",
+    "classify": "makeup.curves",
     # judging
     "evaluate": "metrics",
 }
@@ -73,6 +75,8 @@ if TYPE_CHECKING:
     from blendcap.io import write_markers as write_markers
     from blendcap.io import write_mesh as write_mesh
     from blendcap.io import write_rig as write_rig
+    from blendcap.makeup.curves import classify as classify
+    from blendcap.makeup.training import train_classifier as train_classifier
     from blendcap.markers.binding import bind as bind
     from blendcap.markers.solve import solve as solve
     from blendcap.metrics import evaluate as evaluate

@@ -20,6 +20,7 @@ from blendcap.cli.convert import convert
 from blendcap.cli.demo import demo
 from blendcap.cli.doctor import doctor
 from blendcap.cli.evaluate import evaluate
+from blendcap.cli.facs import facs
 from blendcap.cli.info import info
 from blendcap.cli.rig import rig
 from blendcap.cli.solve import solve
@@ -31,7 +32,7 @@ app = App(
     result_action="return_value",
     suppress_keyboard_interrupt=False,
 )
-for command in (demo, doctor, info, solve, convert, evaluate, rig):
+for command in (demo, doctor, info, solve, facs, convert, evaluate, rig):
     app.command(command)
 
 

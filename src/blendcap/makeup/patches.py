@@ -12,8 +12,9 @@ from blendcap.makeup.regions import PATCH_SIZE
 from blendcap.makeup.stabilization import Stabilizer
 
 BLOCK = 600  # frames
-LEAST_PAINT = 0.01  # part of a neutral patch that paint must cover to be paint
-CONTRAST = 1.3  # paint is brighter than skin by this factor at least
+LEAST_PAINT, MOST_PAINT = 0.01, 0.5  # part of a neutral patch that paint covers
+CONTRAST = 0.25  # paint is brighter than skin by this part at least
+STROKE = 11  # pixels of a patch; strokes are thinner
 SEARCH = 3  # pixels of blur before patches of two people are laid over each other
 
 
@@ -57,9 +58,14 @@ def extract_patches(
     **options,
 ) -> Patches:
     """The makeup patches of a whole take; see `each_block`."""
-    blocks = list(each_block(videos, places, anchors, rate, **options))
-    images = {name: np.concatenate([block.images[name] for block in blocks]) for name in places}
-    return Patches(images, rate, np.concatenate([block.sure for block in blocks]), blocks[0].neutral)
+    return collect(each_block(videos, places, anchors, rate, **options))
+
+
+def collect(blocks: Iterable[Patches]) -> Patches:
+    """Blocks, one after the other, as one."""
+    parts = list(blocks)
+    images = {name: np.concatenate([part.images[name] for part in parts]) for name in parts[0].images}
+    return Patches(images, parts[0].rate, np.concatenate([part.sure for part in parts]), parts[0].neutral)
 
 
 def each_block(
@@ -90,8 +96,8 @@ def each_block(
     dot_radius : float
         Pixels.
     threshold : float, optional
-        Brightness, in multiples of the patch's median, from which on a pixel is paint; found from the first frame of
-        each patch if not given.
+        How much brighter than the skin around it paint is, in multiples of the patch's median; found from the first
+        frame of each patch if not given.
     block : int
         Frames.
 
@@ -188,29 +194,41 @@ def cut_out(frame: np.ndarray, warp: np.ndarray) -> np.ndarray:
 
 
 def paint_threshold(patch: np.ndarray, name: str = "patch") -> float:
-    """The brightness, in multiples of the median, between skin and paint of a neutral patch (Otsu's method)."""
+    """How much brighter than the skin around it paint is, in multiples of the median of a neutral patch (Otsu)."""
     import cv2
 
-    level = max(float(np.median(patch)), 1.0)
-    limit, mask = cv2.threshold(patch, 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
-    white = mask > 0
-    plain = LEAST_PAINT < white.mean() < 0.5 and patch[white].mean() > CONTRAST * patch[~white].mean()
+    raised = _raised(patch)
+    limit, mask = cv2.threshold(raised, 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
+    level, white = _level(patch), mask > 0
+    plain = LEAST_PAINT < white.mean() < MOST_PAINT and raised[white].mean() > CONTRAST * level
     if not plain:
         raise InputError(
             f"No paint is visible in the patch {name!r} of the first frame; check that the frame is neutral and lit, "
-            "or give the brightness from which on a pixel is paint."
+            "or give how much brighter than skin paint is."
         )
     return float(limit) / level
 
 
 def paint(patch: np.ndarray, limit: float, dots: np.ndarray | None = None, radius: float = 5.0) -> np.ndarray:
-    """The paint (h, w) uint8, 0 or 255, of a patch; relative to its own median, so that no change of light matters."""
+    """The paint (h, w) uint8, 0 or 255, of a patch: what is thin and bright, whatever the light does."""
     import cv2
 
-    white = np.where(patch > limit * max(float(np.median(patch)), 1.0), 255, 0).astype(np.uint8)
+    white = np.where(_raised(patch) > limit * _level(patch), 255, 0).astype(np.uint8)
     for x, y in [] if dots is None else dots[np.isfinite(dots).all(1)]:
         cv2.circle(white, (round(x), round(y)), round(radius), 0, -1)
     return white
+
+
+def _raised(patch: np.ndarray) -> np.ndarray:
+    """How much brighter than its surroundings each pixel is (h, w) uint8: what a disc wider than a stroke removes."""
+    import cv2
+
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (STROKE, STROKE))
+    return cv2.morphologyEx(patch, cv2.MORPH_TOPHAT, disc)
+
+
+def _level(patch: np.ndarray) -> float:
+    return max(float(np.median(patch)), 1.0)
 
 
 def _inside(dots: np.ndarray | None, warp: np.ndarray) -> np.ndarray | None:
