@@ -95,6 +95,16 @@ def test_curves_are_smooth_bounded_and_say_how_sure_they_are(trained):
     assert quiet.confidence[0].max() < 0.05 < curves.confidence[0].max()
 
 
+def test_smeared_paint_is_not_believed(trained):
+    patches, _, _ = perform(repetitions=1, seed=7)
+    smeared = dict(patches.images)
+    smeared["glabella"] = np.where(np.arange(len(patches.sure))[:, None, None] < 70, smeared["glabella"], 255)
+    spoilt = Patches(smeared, patches.rate, patches.sure, patches.neutral)
+    clean, dirty = classify(trained, patches, table=TABLE), classify(trained, spoilt, table=TABLE)
+    np.testing.assert_allclose(dirty.confidence[:50], clean.confidence[:50], atol=1e-9)
+    assert clean.confidence[90:].min() > 0.2 and dirty.confidence[90:].max() < 0.02
+
+
 def test_blocks_give_the_answer_of_the_whole(trained):
     patches, _, _ = perform(repetitions=1, build=2.0, seed=7)
     cuts = [slice(0, 50), slice(50, 60), slice(60, None)]

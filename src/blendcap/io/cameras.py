@@ -36,8 +36,8 @@ def _camera(entry: Mapping, path: str) -> tuple[Camera, tuple[int, int]]:
     width, height = (int(n) for n in entry["size"])
     if not (0 < width <= 20000 and 0 < height <= 20000):
         raise InputError(f"A camera in {path} has pictures of {width} x {height} pixels, which cannot be.")
-    numbers = [np.array(entry[name], dtype=np.float64) for name in ("intrinsics", "pose")]
-    return Camera(*numbers, np.array(entry.get("distortion", [0.0] * 5), dtype=np.float64)), (width, height)
+    distortion = np.array(entry.get("distortion", [0.0] * 5), dtype=np.float64)
+    return Camera(np.array(entry["intrinsics"]), np.array(entry["pose"]), distortion), (width, height)
 
 
 def write_cameras(path: str | os.PathLike, cameras: Cameras) -> None:

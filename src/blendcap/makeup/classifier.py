@@ -20,6 +20,7 @@ from blendcap.makeup.patches import Patches
 from blendcap.makeup.units import Region
 
 METHODS = ("intensity", "svm")
+STRANGE = 1.5  # factor beyond the range of paint of the training at which a patch is no longer believed
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +37,8 @@ class RegionModel:
         Unit, -1 at rest, and level of each class (svm); empty for "intensity".
     trust : (2,)
         Slope and offset of the logistic curve from margin to probability (svm).
+    coverage : (P, 2)
+        Least and most paint in each patch while training, in multiples of the neutral's.
     errors : (U,)
         Standard deviation of each unit's intensity on repetitions that were left out of the training.
     scales : (U,) Intensity
@@ -51,6 +54,7 @@ class RegionModel:
     offsets: np.ndarray
     classes: np.ndarray
     trust: np.ndarray
+    coverage: np.ndarray
     errors: np.ndarray
     scales: tuple[Intensity, ...] = ()
     scores: Mapping[str, float] = field(default_factory=dict)
@@ -97,6 +101,14 @@ class PatchClassifier:
         """The action units that it tells, region by region."""
         return tuple(unit for model in self.models for unit in model.region.units)
 
+    def familiar(self, patches: Patches) -> np.ndarray:
+        """(T, U) how far each unit's patches look like those of the training, 0 to 1: smeared paint does not."""
+        known = [
+            np.repeat(_familiar(paint_amount(patches, m.region), m.coverage)[:, None], len(m.region.units), axis=1)
+            for m in self.models
+        ]
+        return np.concatenate(known, axis=1)
+
     def __call__(self, patches: Patches) -> tuple[np.ndarray, np.ndarray]:
         """Intensities (T, U) and probabilities (T, U) of the units in each frame of patches laid over the neutral."""
         answers = [
@@ -109,6 +121,19 @@ def seen_features(patches: Patches, region: Region, kind: str, relative: bool) -
     """Features (T, D) of a region; without those of the neutral frame if `relative`."""
     seen = features(patches.of(region.patches), kind)
     return seen - features([patches.neutral[name][None] for name in region.patches], kind) if relative else seen
+
+
+def paint_amount(patches: Patches, region: Region) -> np.ndarray:
+    """(T, P) how much paint each patch of a region shows, in multiples of its neutral frame's."""
+    shown = np.stack([frames.mean((1, 2), dtype=np.float64) for frames in patches.of(region.patches)], axis=1)
+    return shown / np.maximum([patches.neutral[name].mean() for name in region.patches], 1e-9)
+
+
+def _familiar(amount: np.ndarray, coverage: np.ndarray) -> np.ndarray:
+    """(T,) 1 within the range of paint that was seen, falling to 0 at `STRANGE` times more or less."""
+    least, most = coverage.T
+    beyond = np.maximum(np.log(np.maximum(amount, 1e-9) / most), np.log(least / np.maximum(amount, 1e-9)))
+    return np.clip(1 - beyond / np.log(STRANGE), 0, 1).min(1)
 
 
 def tally(values: np.ndarray, count: int) -> np.ndarray:

@@ -61,10 +61,10 @@ def classify(
             f"The table from units to shapes has no entry for {lacking[0]!r}; add it, empty if the rig has no shape."
         )
     blocks = [patches] if isinstance(patches, Patches) else patches
-    intensity, probability, sure, rate = _answers(classifier, blocks, aligned)
+    intensity, probability, rate = _answers(classifier, blocks, aligned)
     intensity = np.clip(smooth(intensity, rate, WINDOWS[classifier.method]), 0, 1)
     errors = np.concatenate([model.errors for model in classifier.models])
-    trust = np.minimum(1, (SURE / np.maximum(errors, 1e-6)) ** 2) * probability * sure[:, None]
+    trust = np.minimum(1, (SURE / np.maximum(errors, 1e-6)) ** 2) * probability
     if not everywhere:
         trust = trust * (intensity > SHOWN)
     trust = np.clip(smooth(trust, rate, INFLUENCE_WINDOW), 0, 1)
@@ -73,16 +73,21 @@ def classify(
 
 
 def _answers(classifier: PatchClassifier, blocks: Iterable[Patches], aligned: bool):
-    """Intensities (T, U), probabilities (T, U), certainty of the stabilization (T,), and the rate."""
+    """Intensities (T, U), how far to believe them (T, U), and the rate.
+
+    Belief falls where the machine is unsure, the stabilizing points were lost or the paint looks like none before.
+    """
     parts, tables, rate = [], None, 0.0
     for block in blocks:
         rate = block.rate
         block.of(tuple(classifier.neutral))
         if aligned:
             tables = tables or flows(block.neutral, classifier.neutral)
-        parts.append((*classifier(laid_over(block, tables) if tables else block), block.sure))
-    intensity, probability, sure = (np.concatenate(part) for part in zip(*parts, strict=True))
-    return intensity, probability, sure, rate
+        seen = laid_over(block, tables) if tables else block
+        intensity, probability = classifier(seen)
+        parts.append((intensity, probability * classifier.familiar(seen) * block.sure[:, None]))
+    intensity, probability = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return intensity, probability, rate
 
 
 def _on_shapes(units, intensity, trust, table) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:

@@ -14,7 +14,7 @@ from blendcap.makeup.intensity import Intensity
 from blendcap.makeup.units import Region
 
 KIND, VERSION = "patch classifier", 1
-_ARRAYS = ("weights", "offsets", "classes", "trust", "errors", "confusion")
+_ARRAYS = ("weights", "offsets", "classes", "trust", "coverage", "errors", "confusion")
 _SCALES = ("direction", "neutral", "full", "centers")
 
 
@@ -79,6 +79,8 @@ def _check(model: RegionModel, method: str, neutral: Mapping[str, np.ndarray]) -
         and (classes > 1) == (method == "svm")
         and model.errors.shape == (units,)
         and model.trust.shape == (2,)
+        and model.coverage.shape == (len(model.region.patches), 2)
+        and (model.coverage > 0).all()
         and set(model.region.patches) <= set(neutral)
         and all(np.isfinite(values).all() for values in (model.weights, model.offsets, model.trust, model.errors))
     )

@@ -10,7 +10,7 @@ import numpy as np
 
 from blendcap.data import InputError
 from blendcap.makeup.augmentation import warped
-from blendcap.makeup.classifier import METHODS, PatchClassifier, RegionModel, margin, seen_features, tally
+from blendcap.makeup.classifier import METHODS, PatchClassifier, RegionModel, margin, paint_amount, seen_features, tally
 from blendcap.makeup.intensity import LEVELS, Intensity, measure_intensity
 from blendcap.makeup.lesson import Lesson
 from blendcap.makeup.patches import Patches
@@ -110,7 +110,9 @@ def _train_region(patches, lesson: Lesson, region: Region, method, kind, relativ
     left_out = _left_out(data, more, method, ridge, seed, len(region.units))
     known = data if not more else _joined([data, *more])
     weights, offsets, classes = _fit(known, method, ridge, seed)
-    model = RegionModel(region, weights, offsets, classes, np.array([0.0, 5.0]), np.zeros(len(region.units)))
+    shown = paint_amount(patches, region)
+    coverage = np.stack([shown.min(0), shown.max(0)], axis=1).clip(1e-3)
+    model = RegionModel(region, weights, offsets, classes, np.array([0.0, 5.0]), coverage, np.zeros(len(region.units)))
     return _judged(model, data, left_out, scales)
 
 
@@ -214,7 +216,8 @@ def _left_out(data: _Data, more: list[_Data], method, ridge, seed, units: int) -
         test = np.flatnonzero(data.folds == fold)
         known = _joined([d.part(np.flatnonzero(data.folds != fold)) for d in (data, *more)])
         weights, offsets, classes = _fit(known, method, ridge, seed)
-        model = RegionModel(Region("", (), ("",) * units), weights, offsets, classes, np.zeros(2), np.zeros(units))
+        part = Region("", (), ("",) * units)
+        model = RegionModel(part, weights, offsets, classes, np.zeros(2), np.ones((0, 2)), np.zeros(units))
         intensity[test], _ = model.answer(data.seen[test])
         if len(classes):
             margins[test] = margin(tally(data.seen[test] @ weights.T + offsets, len(classes)))

@@ -16,7 +16,8 @@ class Region(NamedTuple):
 
 # Section 7.2.1 of Reading Between the Dots (2016); the last two are its sideways pucker, 10 + 12 + 18 + 23 on one side.
 REGIONS: tuple[Region, ...] = (
-    Region("brows", ("forehead_right", "forehead_left", "glabella"), ("AU1+2", "AU4", "AU9")),
+    Region("brows", ("forehead_right", "forehead_left", "glabella"), ("AU1+2", "AU4")),
+    Region("nose", ("glabella", "nose_right", "nose_left"), ("AU9",)),
     Region("eyes", ("eye_right", "eye_left"), ("AU7", "AU45", "AU6+43")),
     Region("mouth", ("mouth_right", "mouth_left"), ("AU10+12+18+23L", "AU10+12+18+23R")),
 )
