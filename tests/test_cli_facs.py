@@ -1,0 +1,176 @@
+"""From head-camera video to curves: train on one take, predict another, solve with it; and what is refused."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import blendcap
+from blendcap.cli import main
+from blendcap.data import Camera, InputError
+from blendcap.io import read_video, write_video
+from blendcap.io.cameras import read_cameras, write_cameras
+from blendcap.io.turns import read_turns
+from blendcap.makeup.setup import locate
+from blendcap.rendering.camera import look_at, project
+from blendcap.synthetic.exercises import action_units
+from blendcap.synthetic.head_camera import film_head, mount_head_camera
+from blendcap.synthetic.makeup import draw_makeup
+from blendcap.synthetic.performer import make_performer
+from blendcap.synthetic.takes import make_take
+
+RATE, SIZE = 15.0, (480, 360)
+UNITS = ("1+2", "45")
+
+
+@pytest.fixture(scope="module")
+def rig():
+    return blendcap.mannequin(1, shapes=52)
+
+
+@pytest.fixture(scope="module")
+def stage(rig, tmp_path_factory) -> Path:
+    """A folder with a training take and another one of the same person, filmed by two head cameras."""
+    folder = tmp_path_factory.mktemp("stage")
+    performer = make_performer(rig, seed=1)
+    helmet = mount_head_camera(performer.rig, seed=1, size=SIZE)
+    upper = dict(list(zip(helmet.names, helmet.cameras, strict=True)))
+    write_cameras(folder / "cameras.json", {name: (camera, SIZE) for name, camera in upper.items()})
+    blendcap.write_rig(folder / "rig.glb", rig)
+    makeup, worn = draw_makeup(performer.rig, seed=1), rig.points["markers50"]
+    places = {name: f"markers50/{name}" for name in worn.names}
+    (folder / "places.json").write_text(json.dumps(places), encoding="utf-8")
+    for name, repeats, seed in (("lesson", 2, 0), ("test", 1, 5)):
+        exercise = action_units(rig, UNITS, rate=RATE, repeats=repeats, seed=seed)
+        take, truth = make_take(performer, exercise.animation, worn, seed=2, misplacement=0.0, slip=(1.0, 1.0))
+        lead = len(take.positions) - len(exercise.animation.weights)
+        blendcap.write_markers(folder / f"{name}.c3d", take)
+        blendcap.write_animation(folder / f"{name}.truth.csv", truth.animation)
+        rows = [f"{(a + lead) / RATE},{(b + lead) / RATE},AU{unit}" for unit, a, b, _ in exercise.turns]
+        (folder / f"{name}.turns.csv").write_text("start,end,unit\n" + "\n".join(rows) + "\n", encoding="utf-8")
+        for shot in film_head(truth, helmet, seed=seed, makeup=makeup):
+            write_video(folder / f"{name}.{shot.name}.mp4", shot.frames(), RATE, SIZE, loss=8)
+    return folder
+
+
+def videos(folder: Path, name: str) -> list[str]:
+    return [str(folder / f"{name}.{camera}.mp4") for camera in read_cameras(folder / "cameras.json")]
+
+
+def arguments(folder: Path, name: str) -> list[str]:
+    return [*videos(folder, name), "--cameras", str(folder / "cameras.json"), "--take", str(folder / f"{name}.c3d"),
+            "--rig", str(folder / "rig.glb"), "--correspondences", str(folder / "places.json")]  # fmt: skip
+
+
+@pytest.mark.slow
+def test_curves_from_video_make_the_solve_better(stage, rig, capsys):
+    model, curves, film = (str(stage / name) for name in ("model.npz", "curves.csv", "overlay.mp4"))
+    turns = ["--turns", str(stage / "lesson.turns.csv")]
+    assert main(["facs", "train", *arguments(stage, "lesson"), *turns, "-o", model, "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["units"] == ["AU1+2", "AU45"] and answer["left_out"]["eyes"]["unit"] > 0.9
+    assert main(["facs", "predict", *arguments(stage, "test"), "--model", model, "-o", curves, "--overlay", film]) == 0
+    assert read_video(film).count == read_video(videos(stage, "test")[0]).count
+    told, truth = blendcap.read_animation(curves), blendcap.read_animation(stage / "test.truth.csv")
+    both = truth.select(told.names)
+    blink = told.names.index("eyeBlinkLeft")
+    assert np.corrcoef(told.weights[:, blink], both.weights[:, blink])[0, 1] > 0.9
+
+    capsys.readouterr()
+    solve = ["solve", str(stage / "test.c3d"), "--rig", str(stage / "rig.glb"), "--correspondences",
+             str(stage / "places.json"), "--head", "keep"]  # fmt: skip
+    assert main([*solve, "-o", str(stage / "alone.npz")]) == 0
+    assert main([*solve, "--patches", curves, "-o", str(stage / "hybrid.npz")]) == 0
+    errors = []
+    for name in ("alone.npz", "hybrid.npz"):
+        answer = blendcap.read_animation(stage / name).select(told.names)
+        errors.append(np.sqrt(((answer.weights - both.weights) ** 2).mean()))
+    assert errors[1] < errors[0]
+
+
+def test_cameras_come_back_from_their_file(tmp_path):
+    camera = Camera([[500, 0, 320], [0, 510, 240], [0, 0, 1]], look_at([10, 20, 300], [0, 0, 0]), [0.1, 0.2, 0, 0, 0.3])
+    write_cameras(tmp_path / "c.json", {"left": (camera, (640, 480))})
+    ((name, (again, size)),) = read_cameras(tmp_path / "c.json").items()
+    assert (name, size) == ("left", (640, 480))
+    for part in ("intrinsics", "pose", "distortion"):
+        np.testing.assert_array_equal(getattr(again, part), getattr(camera, part))
+
+
+@pytest.mark.parametrize(
+    ("content", "sentence"),
+    [
+        ('{"cameras": []}', 'list "cameras" that is not empty'),
+        ('{"cameras": [{"name": "a", "size": [0, 4], "intrinsics": [], "pose": []}]}', "0 x 4 pixels, which cannot be"),
+        ('{"cameras": [{"name": "a", "size": [4, 4]}]}', "intrinsics"),
+    ],
+)
+def test_camera_files_that_are_wrong_are_refused(tmp_path, content, sentence):
+    (tmp_path / "c.json").write_text(content, encoding="utf-8")
+    with pytest.raises(InputError, match=sentence):
+        read_cameras(tmp_path / "c.json")
+
+
+@pytest.mark.parametrize(
+    ("content", "sentence"),
+    [
+        ("start,stop,unit\n0,1,AU4\n", "no column 'end'"),
+        ("start,end,unit\n2,1,AU4\n", "Row 1 of .* is from 2 to 1 s; a showing must take time"),
+        ("start,end,unit\n", "row|showing"),
+    ],
+)
+def test_turns_that_are_wrong_are_refused(tmp_path, content, sentence):
+    (tmp_path / "t.csv").write_text(content, encoding="utf-8")
+    with pytest.raises(InputError, match=sentence):
+        read_turns(tmp_path / "t.csv")
+
+
+def test_turns_are_read_in_order(tmp_path):
+    (tmp_path / "t.csv").write_text("start,end,unit,note\n0.5,1.5,AU4,weak\n2,3,AU1+2,\n", encoding="utf-8")
+    assert read_turns(tmp_path / "t.csv") == [(0.5, 1.5, "AU4"), (2.0, 3.0, "AU1+2")]
+
+
+@pytest.fixture
+def bound(rig):
+    worn = rig.points["markers50"]
+    take, _ = make_take(
+        make_performer(rig, seed=1, strength=0.0), blendcap.Animation(np.zeros((3, len(rig.names))), rig.names, 30.0),
+        worn, seed=0, noise=0.0, misplacement=0.0, slip=(0.0, 0.0), occlusion=0.0,
+    )  # fmt: skip
+    return take, blendcap.bind(rig, take, worn, method="given")
+
+
+def test_patches_and_dots_are_found_by_the_markers(rig, bound):
+    take, binding = bound
+    helmet = mount_head_camera(rig, seed=1)
+    stable = [n for n in take.names if np.abs(rig.sample(rig.points["markers50"].select([n]))[1]).max() < 3][:12]
+    setup = locate(rig, take, binding, helmet.cameras, [helmet.size] * 4, stable)
+    assert {camera for camera, _ in setup.places.values()} <= {0, 1, 2, 3} and "eye_left" in setup.places
+    assert helmet.names[setup.places["eye_left"][0]].endswith("left")
+    for camera, dots, anchors in zip(helmet.cameras, setup.dots, setup.anchors, strict=True):
+        pixels, _ = project(take.positions[0], camera)
+        np.testing.assert_allclose(dots[0], pixels, atol=1e-9)
+        for anchor in anchors:
+            assert np.linalg.norm(pixels - anchor, axis=1).min() < 1e-6
+    with pytest.raises(InputError, match="stable marker 'nobody' is not bound"):
+        locate(rig, take, binding, helmet.cameras, [helmet.size] * 4, ["nobody"])
+    with pytest.raises(InputError, match=r"sees \d of the stable markers"):
+        locate(rig, take, binding, helmet.cameras, [helmet.size] * 4, stable[:1])
+
+
+def test_video_of_another_length_is_refused(rig, bound, tmp_path, capsys):
+    take, _ = bound
+    helmet = mount_head_camera(rig, seed=1, size=(64, 48))
+    write_cameras(tmp_path / "c.json", {helmet.names[0]: (helmet.cameras[0], (64, 48))})
+    blendcap.write_markers(tmp_path / "t.c3d", take)
+    blendcap.write_rig(tmp_path / "r.glb", rig)
+    write_video(tmp_path / "v.mp4", [np.zeros((48, 64), dtype=np.uint8)] * 7, 30.0, (64, 48))
+    (tmp_path / "t.csv").write_text("start,end,unit\n0,1,AU4\n", encoding="utf-8")
+    files = {"--cameras": "c.json", "--take": "t.c3d", "--rig": "r.glb", "--turns": "t.csv", "-o": "m.npz"}
+    common = [word for option, name in files.items() for word in (option, str(tmp_path / name))]
+    assert main(["facs", "train", str(tmp_path / "v.mp4"), *common]) == 1
+    assert "has 7 frames at 30 a second, but the take" in capsys.readouterr().err
+    assert main(["facs", "train", *[str(tmp_path / "v.mp4")] * 2, *common]) == 1
+    assert "There are 2 videos, but 1 cameras" in capsys.readouterr().err
+    assert not (tmp_path / "m.npz").exists()
