@@ -1,0 +1,153 @@
+"""Takes with painted patches and known truth, for `hybrid.py`: lessons, tests and real performances on two faces.
+
+One performer of each face is the teacher. What was tuned (regions, thresholds, windows) was tuned on the mannequins 1
+and 5; reported are the teacher's unseen takes, two other people of each face, and all real performances.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+import blendcap
+from accuracy_data import DATA, MM, performance
+from blendcap import Animation, Binding, MarkerTake, Rig
+from blendcap.data.names import match
+from blendcap.makeup.lesson import Lesson
+from blendcap.makeup.patches import Patches, extract_patches
+from blendcap.makeup.setup import locate
+from blendcap.makeup.units import ARKIT_TABLE, REGIONS
+from blendcap.markers.stabilization import find_stable
+from blendcap.synthetic.exercises import TRAINED, Exercise, action_units
+from blendcap.synthetic.head_camera import film_head, mount_head_camera
+from blendcap.synthetic.makeup import draw_makeup
+from blendcap.synthetic.performances import for_rig
+from blendcap.synthetic.performer import Performer, make_performer
+from blendcap.synthetic.takes import Truth, choose_points, make_take
+
+RATE = 24.0  # of the lessons
+UNITS = tuple(unit for region in REGIONS for unit in region.units)
+ASIDE = {"10L+12L+18L+23L": "AU10+12+18+23L", "10R+12R+18R+23R": "AU10+12+18+23R"}
+PEOPLE = {"mannequin": (1, 9, 12), "ICT": (101, 102, 103)}  # the first is the teacher
+PLAYED = {"mannequin": ("alexdjulin_alex_rom_3.csv", 3300, 3700), "ICT": ("alexdjulin_alex_rom_3.csv", 3630, 4030)}
+
+
+@cache
+def face(kind: str, person: int) -> Rig:
+    """The rig of a person with ARKit's shapes."""
+    if kind == "mannequin":
+        return blendcap.mannequin(person, shapes=52)
+    rig = blendcap.read_rig(DATA / "rigs" / "ict_facekit.npz")
+    with np.load(DATA / "rigs" / "ict_facekit.npz", allow_pickle=False) as file:
+        modes = file["identity_deltas"]
+        shift = MM * np.tensordot(np.random.default_rng(person).normal(size=len(modes)), modes, axes=1)
+    return replace(rig, mesh=rig.mesh.with_vertices(rig.mesh.vertices + shift), name=f"ICT {person}")
+
+
+@dataclass(frozen=True)
+class Filmed:
+    """A take, its truth, and the patches that four head cameras saw of it."""
+
+    rig: Rig
+    take: MarkerTake
+    truth: Truth
+    binding: Binding
+    patches: Patches
+
+
+Spoil = Callable[[int, int, np.ndarray], np.ndarray]  # camera, frame number, picture
+
+
+def film(
+    rig: Rig, performer: Performer, animation: Animation, seed: int, cache_folder: Path, name: str,
+    spoil: Spoil | None = None, bump: float = 0.0,
+) -> Filmed:  # fmt: skip
+    """Film a performer with four head cameras and cut the patches; what was cut is kept in a folder."""
+    points = choose_points(rig, 50, seed=seed)
+    take, truth = make_take(performer, animation, points, seed=seed)
+    if bump:
+        take, truth = _bumped(take, truth, bump)
+    binding = blendcap.bind(rig, take, points)
+    path = (
+        cache_folder
+        / f"{name}-{hashlib.sha256(repr((seed, animation.weights.shape, bump)).encode()).hexdigest()[:8]}.npz"
+    )
+    if path.exists():
+        with np.load(path, allow_pickle=False) as file:
+            images = {key: file[key] for key in file.files if key != "sure"}
+            patches = Patches(images, take.rate, file["sure"], {key: frames[0] for key, frames in images.items()})
+        return Filmed(rig, take, truth, binding, patches)
+    helmet = mount_head_camera(performer.rig, seed=seed)
+    shots = film_head(truth, helmet, seed=seed, makeup=draw_makeup(performer.rig, seed=seed))
+    setup = locate(rig, take, binding, helmet.cameras, [helmet.size] * len(shots), find_stable(take))
+    videos = [_spoilt(view, shot.frames(), spoil) for view, shot in enumerate(shots)]
+    patches = extract_patches(videos, setup.places, setup.anchors, take.rate, dots=setup.dots, dot_radius=5.3)
+    np.savez_compressed(path, sure=patches.sure, **patches.images)
+    return Filmed(rig, take, truth, binding, patches)
+
+
+def _spoilt(view: int, frames: Iterable[np.ndarray], spoil: Spoil | None):
+    for number, frame in enumerate(frames):
+        yield frame if spoil is None else spoil(view, number, frame)
+
+
+def _bumped(take: MarkerTake, truth: Truth, size: float) -> tuple[MarkerTake, Truth]:
+    """The helmet, knocked by `size` mm to the side and down in the middle of the take, for good."""
+    shift = np.zeros((len(take.positions), 1, 3))
+    shift[len(shift) // 2 :, 0] = size * np.array([0.8, -0.6, 0.0])
+    slip = truth.slip.copy()
+    slip[:, :3] += shift[:, 0]
+    moved = replace(truth, slip=slip, positions=truth.positions + shift)
+    return replace(take, positions=take.positions + shift), moved
+
+
+def exercise(kind: str, person: int, repeats: int, seed: int, cache_folder: Path) -> tuple[Filmed, Lesson, np.ndarray]:
+    """Action units shown by a person: the film, what was shown, and the true intensities (T, U) of `UNITS`."""
+    rig = face(kind, person)
+    shown = action_units(rig, TRAINED, rate=RATE, repeats=repeats, seed=seed)
+    performer = make_performer(rig, seed=person)
+    name = f"{kind}-{person}-units-{repeats}-{seed}"
+    filmed = film(rig, performer, shown.animation, person + seed, cache_folder, name)
+    lead = len(filmed.take.positions) - len(shown.animation.weights)
+    spans = [((a + lead) / RATE, (b + lead) / RATE, ASIDE.get(u, f"AU{u}")) for u, a, b, _ in shown.turns]
+    return filmed, Lesson.of_spans(spans, len(filmed.take.positions), RATE), _intensities(shown, lead)
+
+
+def _intensities(shown: Exercise, lead: int) -> np.ndarray:
+    amounts = np.zeros((lead + len(shown.animation.weights), len(UNITS)))
+    for unit, start, stop, _ in shown.turns:
+        first = f"AU{unit.split('+')[0]}"
+        column = shown.labels.weights[start:stop, shown.labels.names.index(first)]
+        amounts[lead + start : lead + stop, UNITS.index(ASIDE.get(unit, f"AU{unit}"))] = column
+    return amounts
+
+
+def played(
+    kind: str, person: int, cache_folder: Path, spoil: Spoil | None = None, flaw: str = "", bump: float = 0.0
+) -> Filmed:
+    """A real performance played by a person, filmed."""
+    rig = face(kind, person)
+    recording, first, last = PLAYED[kind]
+    acted = performance(recording, rig, first, last) if kind == "ICT" else _on_mannequin(recording, rig, first, last)
+    performer = make_performer(rig, seed=person)
+    return film(rig, performer, acted, 500 + person, cache_folder, f"{kind}-{person}-played{flaw}", spoil, bump)
+
+
+def _on_mannequin(recording: str, rig: Rig, first: int, last: int) -> Animation:
+    whole = blendcap.read_animation(DATA / "performances" / recording)
+    part = Animation(np.clip(whole.weights[first:last], 0, 1), whole.names, whole.rate)
+    return for_rig(part, rig)
+
+
+def table_for(rig: Rig) -> dict[str, dict[str, float]]:
+    """The table from units to shapes in the rig's own names."""
+    table = {}
+    for unit, shapes in ARKIT_TABLE.items():
+        names = match(tuple(shapes), rig.names)
+        table[unit] = {own: shapes[name] for name, owned in names.items() for own in owned}
+    return table
