@@ -167,6 +167,7 @@ def predict(
         classifier = unpack(*read_model(model, KIND, VERSION))
         shapes = ARKIT_TABLE if table is None else _table(table)
         films, setup = _stage(videos, cameras, take, rig, correspondences, stable)
+        setup = setup.only(classifier.neutral)
     curves = blendcap.classify(
         classifier, _blocks(films, setup, threshold, progress), table=shapes, everywhere=everywhere
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +21,10 @@ class Setup(NamedTuple):
     places: dict[str, tuple[int, np.ndarray]]  # {patch: (camera, corners (4, 2))}, pixels
     anchors: list[np.ndarray]  # (K, 2) per camera, pixels in the first frame
     dots: list[np.ndarray]  # (T, M, 2) per camera, pixels; NaN where a marker is missing
+
+    def only(self, patches: Collection[str]) -> Setup:
+        """With these patches alone; those that are not there are left to whoever needs them to say so."""
+        return self._replace(places={name: place for name, place in self.places.items() if name in patches})
 
 
 def locate(
