@@ -16,7 +16,7 @@ from blendcap.synthetic.mannequin.look import Look, draw_look
 from blendcap.synthetic.mannequin.shared import shared
 from blendcap.synthetic.mannequin.skin import INSIDE, WET_RIM, paint_skin
 from blendcap.synthetic.mannequin.texture import painted
-from blendcap.synthetic.plain import plain_places
+from blendcap.synthetic.plain import plain_places, rig_landmarks
 
 SKIN, EYE, TEETH, TONGUES, GUMS, MOUTH, SOCKET, UNSEEN = range(8)
 LAYERS = np.array([0, 1, 2, 2, 2, 0, 0, -1])  # kinds of one layer do not lie over each other in a texture
@@ -45,27 +45,40 @@ def paint_face(rig: Rig, look: Look | int = 0, *, size: int = 1024) -> Rig:
     """
     if not isinstance(look, Look):
         look = draw_look(int(look)) if look != 0 else Look()
-    if rig.mesh.uv is None or rig.mesh.uv_faces is None:
-        raise InputError(f"The rig {rig.name!r} has no texture coordinates (uv), so there is nothing to paint on.")
+    rig = laid_out(rig)
     if is_mannequin(rig):
         return replace(rig, mesh=replace(rig.mesh, texture=painted(look)))
-    kinds = kinds_of(rig)
-    face_kinds = np.min(kinds[rig.mesh.faces], axis=1)
-    main = int(rig.points["landmarks68"].faces[30]) if "landmarks68" in rig.points else 0
-    uv, uv_faces = in_one_picture(rig.mesh, LAYERS[face_kinds], main, _eye_chart(rig, kinds))
-    whole = canvas_of(uv, uv_faces, size)
+    assert rig.mesh.uv is not None and rig.mesh.uv_faces is not None
+    kinds = np.min(kinds_of(rig)[rig.mesh.faces], axis=1)
+    whole = canvas_of(rig.mesh.uv, rig.mesh.uv_faces, size)
     linear = np.tile(np.asarray(look.skin, dtype=np.float32), (size, size, 1))
-    for kind in np.unique(face_kinds):
-        part = whole.part(face_kinds[whole.faces] == kind)
-        vertices = np.unique(rig.mesh.faces[face_kinds == kind])
+    for kind in np.unique(kinds):
+        part, vertices = whole.part(kinds[whole.faces] == kind), np.unique(rig.mesh.faces[kinds == kind])
         table = np.zeros((len(rig.mesh.vertices), 9))
         table[vertices] = _values(rig, int(kind), vertices)
         linear[part.where] = _color(int(kind), part.mixed(table, rig.mesh.faces), look)
-    texture = bled(developed(linear), whole)
+    return replace(rig, mesh=replace(rig.mesh, texture=bled(developed(linear), whole)))
+
+
+def laid_out(rig: Rig) -> Rig:
+    """The rig with texture coordinates that fit into one picture; if they did not, it loses the pictures that it had.
+
+    Raises
+    ------
+    InputError
+        If the rig has no uv or no landmarks.
+    """
+    if rig.mesh.uv is None or rig.mesh.uv_faces is None:
+        raise InputError(f"The rig {rig.name!r} has no texture coordinates (uv), so there is nothing to paint on.")
+    if is_mannequin(rig):
+        return rig
+    kinds, face = kinds_of(rig), int(rig_landmarks(rig).faces[30])
+    layers = LAYERS[np.min(kinds[rig.mesh.faces], axis=1)]
+    uv, uv_faces = in_one_picture(rig.mesh, layers, face, _eye_chart(rig, kinds))
     if uv is rig.mesh.uv:
-        return replace(rig, mesh=replace(rig.mesh, texture=texture))
-    mesh = replace(rig.mesh, uv=uv, uv_faces=uv_faces, texture=texture, normal_map=None)
-    return replace(rig, mesh=mesh, normal_maps={})  # normal maps belonged to the charts that were
+        return rig
+    mesh = replace(rig.mesh, uv=uv, uv_faces=uv_faces, texture=None, normal_map=None)
+    return replace(rig, mesh=mesh, normal_maps={})
 
 
 def is_mannequin(rig: Rig) -> bool:
