@@ -16,11 +16,11 @@ from blendcap.synthetic.scans import make_scan
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else tempfile.mkdtemp())
 folder.mkdir(parents=True, exist_ok=True)
-person = make_performer(blendcap.mannequin(3), seed=3)
+person = make_performer(blendcap.mannequin(3, 52), seed=3)
 smile = np.zeros(len(person.names))
 smile[[person.names.index(name) for name in ("mouthSmileLeft", "mouthSmileRight")]] = 0.8
 for name, weights in (("neutral", None), ("smile", smile)):
-    scan = make_scan(person, weights, seed=3)
+    scan = make_scan(person, weights, seed=3, spacing=2.5)  # 1.5 if not given: 80,000 vertices
     blendcap.write_mesh(folder / f"{name}.obj", scan.mesh)
     Image.fromarray(scan.mesh.texture).save(folder / f"{name}.png")
     blendcap.write_mesh(folder / f"{name}_truth.obj", scan.expression)

@@ -110,6 +110,10 @@ def test_the_topology_is_even_manifold_and_its_own(rig, bare, scan):
         lengths = np.linalg.norm(mesh.vertices[edges[:, 0]] - mesh.vertices[edges[:, 1]], axis=1)
         assert np.median(lengths) == pytest.approx(SPACING, rel=0.1)
         assert (np.abs(lengths / SPACING - 1) < 0.75).mean() > 0.99
+    a, b, c = np.moveaxis(bare.mesh.vertices[bare.mesh.faces], 1, 0)
+    squares = ((a - b) ** 2 + (b - c) ** 2 + (c - a) ** 2).sum(1)
+    shape = 2 * np.sqrt(3) * np.linalg.norm(np.cross(b - a, c - a), axis=1) / squares  # 1: equilateral, 0: a line
+    assert shape.mean() > 0.92 and np.quantile(shape, 0.05) > 0.77
     assert (bare.barycentric.max(1) > 0.98).mean() < 0.01  # of the template's vertices next to none
     normals = vertex_normals(rig.mesh.vertices, rig.mesh.faces)
     agree = (bare.carried(normals) * vertex_normals(bare.mesh.vertices, bare.mesh.faces)).sum(1)
