@@ -29,7 +29,7 @@ def face(seed: int, rng: np.random.Generator) -> Face:
     rig = blendcap.mannequin(seed)
     weights = np.zeros(len(rig.names))
     weights[rng.integers(0, len(rig.names), 4)] = rng.uniform(0, 0.35, 4)
-    blink = rng.choice([0.0, 0.0, 1.0, rng.uniform()])
+    blink = rng.choice([0.0, 0.0, 1.0, 1.0, rng.uniform()])
     weights[[rig.index("eyeBlinkLeft"), rig.index("eyeBlinkRight")]] = blink
     texture = (255 * (rig.mesh.texture / 255.0) ** rng.uniform(0.7, 1.4)).astype(np.uint8)
     mesh = rig.mesh

@@ -32,7 +32,7 @@ from landmark_faces import (
     weathered,
 )
 
-PEOPLE = range(1, 81)  # seeds of training; those from 1000 on are held out
+PEOPLE = range(1, 121)  # seeds of training; those from 1000 on are held out
 TARGET = Path(__file__).resolve().parent.parent / "src" / "blendcap" / "modeling" / "landmarks.npz"
 LINE_POINTS = [name for line in LINES for name in line_names(line)]
 
@@ -110,7 +110,7 @@ def save(detectors: dict[str, dict[str, LandmarkModel]]) -> None:
         for part, model in parts.items()
         for name, values in model.arrays().items()
     }
-    meta = json.dumps({"kind": "landmark detectors", "version": VERSION, "trained_on": "mannequins 1 to 80"})
+    meta = json.dumps({"kind": "landmark detectors", "version": VERSION, "trained_on": "mannequins 1 to 120"})
     with write_whole(TARGET) as temporary, temporary.open("wb") as file:
         np.savez_compressed(file, meta=np.array(meta), **arrays)
     print(f"{TARGET.name}: {TARGET.stat().st_size / 1e3:.0f} kB")

@@ -7,7 +7,7 @@ import blendcap
 from blendcap.data import InputError, LandmarkModel, Mesh
 from blendcap.modeling.contours import Weights, line_energy, ribbon, trace_exact, trace_icm
 from blendcap.modeling.detection import detect, detect_paper, log_odds
-from blendcap.modeling.frontal import frontal, lift
+from blendcap.modeling.frontal import frontal, lift, out_of_gaps
 from blendcap.modeling.hog import BINS, cell_maps, describe
 from blendcap.modeling.landmark_names import FEATURES, LINES, ON_A_LINE, along, line_names, rig_landmarks
 from blendcap.modeling.landmarks import search_landmarks
@@ -252,3 +252,11 @@ def test_form_alone_and_the_thesis_way_find_the_features_too(rig):
     for mesh, method in ((bare, "frontal"), (rig.mesh, "uv")):
         found = blendcap.find_landmarks(mesh, method=method).select(list(FEATURES)).positions(rig.mesh)
         assert np.percentile(np.linalg.norm(found - truth, axis=1), 90) < 6.0
+
+
+def test_a_pixel_that_looks_into_a_gap_moves_to_its_edge():
+    depth = np.full((40, 60), 100.0)
+    depth[20:22, 10:50] = 140.0  # a slit
+    depth[:, 55:] = np.inf
+    pixels = np.array([[30.0, 20.2], [30, 21], [30, 30.4], [52, 10]])
+    np.testing.assert_allclose(out_of_gaps(depth, pixels), [[30, 19], [30, 22], [30, 30.4], [52, 10]])

@@ -14,6 +14,7 @@ from blendcap.io.formats import (
     write_rig,
 )
 from blendcap.io.images import write_image
+from blendcap.io.landmark_training import read_annotated, read_landmark_model, write_landmark_model
 from blendcap.io.points_json import read_points, write_points
 from blendcap.io.video import Video, read_video
 from blendcap.io.video_write import write_video
@@ -22,8 +23,10 @@ __all__ = [
     "Video",
     "describe",
     "read_animation",
+    "read_annotated",
     "read_any",
     "read_correspondences",
+    "read_landmark_model",
     "read_markers",
     "read_mesh",
     "read_points",
@@ -32,6 +35,7 @@ __all__ = [
     "write_animation",
     "write_correspondences",
     "write_image",
+    "write_landmark_model",
     "write_markers",
     "write_mesh",
     "write_points",

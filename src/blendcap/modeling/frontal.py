@@ -20,6 +20,7 @@ SIZE = 320  # pixels, of a side
 PIXEL = 0.6  # mm
 MIDDLE = np.array([0.0, -25.0, 80.0])  # of the picture, on an average face whose pupils are at height 0, mm
 DISTANCE = 4000.0  # of the camera, mm: nearly parallel rays
+EDGE, GAP = 4, 5.0  # pixels, and mm: a step in depth this near and this large is the edge of a gap
 LIGHT = np.array([0.0, 0.5, 0.85])  # on the form: from above, so that it tells up from down
 
 
@@ -74,9 +75,23 @@ def frontal_camera(size: int = SIZE, pixel: float = PIXEL) -> Camera:
     return Camera(np.array([[focal, 0, middle], [0, focal, middle], [0, 0, 1.0]]), pose)
 
 
-def lifted(view: Frontal, faces: np.ndarray, names, pixels: np.ndarray) -> SurfacePoints:
-    """The points of the surface that are seen at `pixels` (M, 2); beside the surface the nearest one that is."""
-    return lift(view.fragments, view.pixels[faces], names, pixels)
+def out_of_gaps(depth: np.ndarray, pixels: np.ndarray) -> np.ndarray:
+    """`pixels` (M, 2) moved to the nearest one on the near side, where they look past an edge into a gap.
+
+    A line between lips runs along such edges, and a pixel beside it sees the back of the mouth.
+    """
+    height, width = depth.shape
+    reach = np.arange(-EDGE, EDGE + 1)
+    x, y = np.meshgrid(reach, reach)
+    moved = np.array(pixels, dtype=np.float64)
+    for k, (column, row) in enumerate(np.round(pixels).astype(int)):
+        columns, rows = np.clip(column + x, 0, width - 1), np.clip(row + y, 0, height - 1)
+        around = depth[rows, columns]
+        near = around <= around.min() + GAP
+        if np.isfinite(around).any() and not near[EDGE, EDGE]:
+            best = np.where(near, x**2 + y**2, np.inf).argmin()
+            moved[k] = columns.ravel()[best], rows.ravel()[best]
+    return moved
 
 
 def lift(seen: Fragments, corners: np.ndarray, names, pixels: np.ndarray) -> SurfacePoints:

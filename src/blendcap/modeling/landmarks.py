@@ -12,7 +12,7 @@ from blendcap.data import InputError, LandmarkModel, Mesh, SurfacePoints
 from blendcap.modeling.detection import detect, detect_paper
 from blendcap.modeling.detectors import Detectors, shipped
 from blendcap.modeling.face_search import search_face
-from blendcap.modeling.frontal import Frontal, frontal, lift
+from blendcap.modeling.frontal import Frontal, frontal, lift, out_of_gaps
 from blendcap.modeling.lines import line_points, trace_learned, trace_paper
 from blendcap.modeling.training import as_picture
 from blendcap.numerics.similarity import align_robust
@@ -119,6 +119,7 @@ def _search_frontal(mesh: Mesh, detectors: Detectors) -> Finding:
     found = dict(zip(model.names, pixels, strict=True))
     lines = trace_learned(view.image, found, detectors.lines) if detectors.lines else {}
     names, spots, sure = _together(found, odds, lines)
+    spots = out_of_gaps(view.fragments.depth, spots)
     return Finding(lift(view.fragments, corners, names, spots), view.image, spots, sure, place, rounds, converged)
 
 

@@ -14,7 +14,7 @@ from blendcap.modeling.landmark_names import ENDS, LINES, ON_A_LINE, along, cont
 
 REACH = 0.35  # of a line's length, how far it may leave the straight line
 PAPER_REACH = 50  # pixels of a texture of 1024
-LEARNED = Weights(even=0.0, dark=1.0, smooth=0.5)  # for log-odds
+LEARNED = Weights(even=0.0, dark=1.0, smooth=3.0)  # for log-odds
 PAPER = Weights(even=1.0, dark=1.0, smooth=0.02)  # for brightness over its own deviation
 LOWEST = -20.0  # log-odds; one odd place must not decide
 

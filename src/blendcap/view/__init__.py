@@ -13,6 +13,7 @@ _HOMES = {
     "vertex_error": "heatmap",
     "write_contact_sheet": "sheet",
     "write_heatmap": "heatmap",
+    "write_landmarks": "landmarks",
     "write_plot": "style",
     "write_preview": "preview",
     "write_report": "report",
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from blendcap.view.heatmap import marker_heat as marker_heat
     from blendcap.view.heatmap import vertex_error as vertex_error
     from blendcap.view.heatmap import write_heatmap as write_heatmap
+    from blendcap.view.landmarks import write_landmarks as write_landmarks
     from blendcap.view.preview import write_preview as write_preview
     from blendcap.view.report import write_report as write_report
     from blendcap.view.sheet import write_contact_sheet as write_contact_sheet
