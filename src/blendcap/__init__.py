@@ -41,6 +41,7 @@ _HOMES = {
     "bake_normals": "modeling.detail",
     "register": "modeling.registration",
     "transfer_rig": "modeling.transfer",
+    "refine_rig": "modeling.examples",
     # solving
     "bind": "markers.binding",
     "solve": "markers.solve",
@@ -81,6 +82,7 @@ if TYPE_CHECKING:
     from blendcap.markers.solve import solve as solve
     from blendcap.metrics import evaluate as evaluate
     from blendcap.modeling.detail import bake_normals as bake_normals
+    from blendcap.modeling.examples import refine_rig as refine_rig
     from blendcap.modeling.landmarks import find_landmarks as find_landmarks
     from blendcap.modeling.registration import register as register
     from blendcap.modeling.training import train_landmarks as train_landmarks

@@ -88,8 +88,18 @@ def differences(faces: Faces) -> Differences:
     for piece in faces.pieces:
         if floating[piece[0]]:
             _place(field, faces.deltas, piece)
-    corner = np.bincount(faces.faces.ravel(), np.repeat(areas / 3, 3), len(faces.rest))
-    return Differences(field, stiffness, corner, before - gained, factor.residual)
+    return Differences(field, stiffness, _of_vertices(faces.faces, areas, len(right)), before - gained, factor.residual)
+
+
+def surface_of(rest: np.ndarray, faces: np.ndarray) -> tuple[sparse.csc_matrix, np.ndarray]:
+    """The cotangent Laplacian (V, V) of a surface and the area (V,) of each vertex, mm²."""
+    gradient, areas = gradient_operator(rest, faces)
+    weighted = gradient.T @ sparse.diags(np.repeat(areas, 3))
+    return sparse.csc_matrix(weighted @ gradient), _of_vertices(faces, areas, len(rest))
+
+
+def _of_vertices(faces: np.ndarray, areas: np.ndarray, count: int) -> np.ndarray:
+    return np.bincount(faces.ravel(), np.repeat(areas / 3, 3), count)
 
 
 def hang(solved: Differences, field: np.ndarray, piece: np.ndarray, holders: np.ndarray) -> None:

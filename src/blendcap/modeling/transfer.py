@@ -6,21 +6,16 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from scipy.spatial import KDTree
 
 from blendcap.data import InputError, Mesh, Rig
-from blendcap.modeling.closing import PATCH, close, make_patch, wanted_gaps
-from blendcap.modeling.contacts import drivers_of, find_contacts
-from blendcap.modeling.differences import Differences, Faces, differences, hang
-from blendcap.modeling.globes import Globe, clearing_push, find_globes, shared_push
-from blendcap.modeling.parts import carried, pieces, solid_motions
+from blendcap.modeling.contacts import find_contacts
+from blendcap.modeling.differences import Faces, differences
+from blendcap.modeling.keeping import keep
+from blendcap.modeling.parts import pieces
 from blendcap.numerics.geodesic import sewn_vertices
 from blendcap.numerics.similarity import align
 
 Method = Literal["contact", "paper"]
-
-FADE = 0.02  # of a shape's largest motion, below which what transfer adds fades to nothing
-ATTACHED = 3.0  # mm from the skin, at the template's size: a piece that near hangs on it
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +79,7 @@ def transfer(template: Rig, mesh: Mesh, *, method: Method = "contact") -> Transf
         deltas = faces.deltas + solved.field
     else:
         contacts = contacts or find_contacts(template)
-        deltas = _kept(template, faces, solved, sewn, contacts)
+        deltas = keep(template, faces, solved, sewn, contacts)
     deltas = deltas[:, sewn].astype(np.float32)
     rig = replace(template, mesh=_dressed(mesh, template.mesh), deltas=deltas, contacts=contacts)
     return Transfer(rig, faces.unit, solved.energies, solved.residual)
@@ -118,69 +113,3 @@ def _dressed(mesh: Mesh, template: Mesh) -> Mesh:
     polygons = template.polygons if mesh.polygons is None else mesh.polygons
     uv, uv_faces = (template.uv, template.uv_faces) if mesh.uv is None else (mesh.uv, mesh.uv_faces)
     return Mesh(mesh.vertices, mesh.faces, polygons, uv, uv_faces, mesh.texture)
-
-
-def _kept(template: Rig, faces: Faces, solved: Differences, sewn: np.ndarray, contacts) -> np.ndarray:
-    """The shapes (N, V, 3) with contact, stillness and solid bodies kept."""
-    motion = np.linalg.norm(faces.deltas, axis=2)
-    full = FADE * motion.max(1, keepdims=True)
-    part = np.clip(motion / np.where(full > 0, full, 1.0), 0, 1)
-    fade = (part**2 * (3 - 2 * part))[..., None]
-    deltas = faces.deltas + fade * solved.field
-    pairs = sewn[np.concatenate([np.zeros((0, 2), np.int64), *contacts.values()])]
-    pairs = np.unique(np.sort(pairs[pairs[:, 0] != pairs[:, 1]], axis=1), axis=0)
-    globes = _globes(faces, template.regions.get("eyes", np.zeros(0, np.int64)))
-    patch = make_patch(faces.rest, pairs, solved.stiffness, PATCH * faces.unit) if len(pairs) else None
-    drivers = [drivers_of(template, name) for name in template.names]
-    for i in sorted(range(len(drivers)), key=lambda i: len(drivers[i])):
-        wanted, meets = _wanted(faces, deltas, pairs, i, drivers[i])
-        deltas[i] = _clear(faces, deltas[i], i, globes, pairs[meets])
-        deltas[i] = deltas[i] if patch is None else close(patch, deltas[i], wanted, meets, motion[i])
-    _hang(faces, solved, deltas, fade)
-    for body in solid_motions(faces.template, faces.deltas, faces.pieces[1:]):
-        deltas[body.shape, body.vertices] = carried(body, faces.template, faces.rest, solved.areas)
-    return deltas
-
-
-def _wanted(faces: Faces, deltas, pairs, shape: int, drivers) -> tuple[np.ndarray, np.ndarray]:
-    """What each contact pair shall do in a shape, and whether it meets there; see `wanted_gaps`."""
-
-    def gap(vectors: np.ndarray) -> np.ndarray:
-        return vectors[pairs[:, 0]] - vectors[pairs[:, 1]]
-
-    template_base = gap(faces.template) + sum(gap(faces.deltas[d]) for d in drivers)
-    base = gap(faces.rest) + sum(gap(deltas[d]) for d in drivers)
-    return wanted_gaps(template_base, gap(faces.deltas[shape]), base, faces.unit)
-
-
-def _globes(faces: Faces, eyes: np.ndarray) -> list[tuple[Globe, Globe, np.ndarray]]:
-    """The template's and the new eyeballs, and the skin near each."""
-    skin, *others = faces.pieces
-    olds, news = (find_globes(at, others, eyes) for at in (faces.template, faces.rest))
-    near = [skin[np.abs(old.height(faces.template[skin])) < old.radius / 2] for old in olds]
-    return list(zip(olds, news, near, strict=False))
-
-
-def _clear(faces: Faces, delta: np.ndarray, shape: int, globes, meeting: np.ndarray) -> np.ndarray:
-    """The displacements (V, 3) of one shape with the lids kept out of the eyeballs."""
-    push = np.zeros_like(delta)
-    for old, new, skin in globes:
-        near = skin[faces.deltas[shape, skin].any(1)]
-        at = faces.template[near], faces.deltas[shape, near], faces.rest[near], delta[near]
-        push[near] = clearing_push(*at, (old, new))
-    return delta + shared_push(push, meeting) * faces.deltas[shape].any(1)[:, None]
-
-
-def _hang(faces: Faces, solved: Differences, deltas: np.ndarray, fade: np.ndarray) -> None:
-    """Pieces near the skin follow what was done to it (in place)."""
-    skin, *others = faces.pieces
-    if not others:
-        return
-    tree = KDTree(faces.template[skin])
-    field = deltas - faces.deltas
-    for piece in others:
-        distance, nearest = tree.query(faces.template[piece], distance_upper_bound=ATTACHED * faces.unit)
-        near = np.isfinite(distance)
-        if near.any():
-            hang(solved, field, piece, np.where(near, skin[np.where(near, nearest, 0)], -1))
-            deltas[:, piece] = faces.deltas[:, piece] + fade[:, piece] * field[:, piece]
