@@ -11,7 +11,7 @@ from sheet import sheet_rig
 
 
 def test_pairs_are_found_again_where_the_mannequin_has_them():
-    rig = mannequin()
+    rig = mannequin(shapes=52)
     found = find_contacts(replace(rig, contacts={}))
     assert set(found) == {"lips", "lids_left", "lids_right"}
     for name, pairs in found.items():
@@ -24,7 +24,7 @@ def test_pairs_are_found_again_where_the_mannequin_has_them():
 
 
 def test_pairs_close_in_the_pose_that_finds_them_and_part_in_the_other():
-    rig = mannequin(5)
+    rig = mannequin(5, shapes=52)
     pairs = find_contacts(replace(rig, contacts={}))["lids_left"]
     closed = np.zeros(len(rig.names))
     closed[rig.index("eyeBlinkLeft")] = 1
