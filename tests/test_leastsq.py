@@ -91,6 +91,24 @@ def test_an_updated_factor_is_a_new_factor(block, backend):
     assert np.ptp([a.std() for a in answers]) > 0.1  # the three problems are not one
 
 
+@pytest.mark.parametrize("changed", [20, 144])
+def test_a_near_matrix_is_solved_with_the_old_factor_or_a_new_one(backend, changed):
+    """A few rows change and the factor serves as it is; all change by a thousand and it is renewed."""
+    rng, edges = np.random.default_rng(2), grid(12)
+    weights, target = rng.uniform(0.5, 1, 144), rng.normal(size=(144, 3))
+
+    def system(weight):
+        return assemble([Term("e", edges, np.zeros((edges.shape[0], 3))), Term("h", sparse.eye(144), target, weight)])
+
+    factor = factorize(system(weights)[0], backend)
+    start = factor.solve(system(weights)[1])
+    other = weights.copy()
+    other[:changed] *= 1e-3 if changed < 144 else rng.uniform(0, 1e6, 144)
+    matrix, rhs = system(other)
+    np.testing.assert_allclose(factor.solve_near(matrix, rhs, start), np.linalg.solve(matrix.toarray(), rhs), atol=1e-7)
+    assert factor.residual < 1e-10
+
+
 def test_another_pattern_is_analysed_anew(backend):
     first, second = (assemble([Term("t", m, np.zeros((m.shape[0], 1))), Term("h", sparse.eye(m.shape[1]), np.ones(
         (m.shape[1], 1)))])[0] for m in (grid(6), grid(9)))  # fmt: skip

@@ -35,7 +35,7 @@ def test_a_scan_that_is_the_template_leaves_it_as_it_is(method):
     result = register(TEMPLATE, TEMPLATE, masks.landmarks(TEMPLATE, PARAMETERS), method=method)
     np.testing.assert_allclose(result.mesh.vertices, TEMPLATE.vertices, atol=1e-6)
     assert all(energy.max() < 1e-10 for energy in result.energies.values())
-    assert all(level.converged and level.residual < 1e-12 for level in result.levels)
+    assert all(level.converged and level.residual < 1e-10 for level in result.levels)
     assert not len(result.flipped)
 
 
@@ -49,7 +49,7 @@ def test_another_face_is_recovered_vertex_by_vertex():
     assert np.nanmedian(result.distance) < 0.1
     assert not len(result.flipped)
     for level, alpha in zip(result.levels, SCHEDULES["even"].stiffness, strict=True):
-        assert level.stiffness == alpha and level.residual < 1e-12 and 1 <= level.steps <= 15
+        assert level.stiffness == alpha and level.residual < 1e-10 and 1 <= level.steps <= 15
     assert (np.diff(result.energies["data"]) < 0).all()  # softer lies closer, and bends more
     assert (np.diff(result.energies["stiffness"]) > 0).all()
 

@@ -44,6 +44,7 @@ class AffineField:
         self._squares = homogeneous[:, :, None] * homogeneous[:, None, :]
         self._backend: Backend = backend
         self._factor: Factor | None = None
+        self._solved: tuple[tuple[float, float], np.ndarray] | None = None
         self._lay_out()
 
     def _lay_out(self) -> None:
@@ -98,12 +99,17 @@ class AffineField:
         data = stiffness**2 * self._stiffness + pull**2 * self._pull
         data[self._blocks] += (self._squares * weights[:, None, None]).ravel()
         matrix = sparse.csc_matrix((data, self._pattern.indices, self._pattern.indptr), shape=self._pattern.shape)
-        if self._factor is None:
-            self._factor = factorize(matrix, self._backend, block=4)
-        else:
-            self._factor.update(matrix)
         rhs = self._place.T @ (weights[:, None] * targets) + pull**2 * (self._held.T @ held)
-        return self._factor.solve(rhs)
+        if self._factor is not None and self._solved is not None and self._solved[0] == (stiffness, pull):
+            answer = self._factor.solve_near(matrix, rhs, self._solved[1])  # only a few matches have come or gone
+        else:
+            if self._factor is None:
+                self._factor = factorize(matrix, self._backend, block=4)
+            else:
+                self._factor.update(matrix)
+            answer = self._factor.solve(rhs)
+        self._solved = ((stiffness, pull), answer)
+        return answer
 
     @property
     def residual(self) -> float:
