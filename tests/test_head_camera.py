@@ -11,7 +11,7 @@ from blendcap import Animation, Camera, InputError, Mesh, Rig, SurfacePoints, re
 from blendcap.rendering import vertex_normals
 from blendcap.rendering.grey import GreySurface
 from blendcap.synthetic.head_camera import HeadCamera, Sensor, film_head, mount_head_camera, slip_matrices
-from blendcap.synthetic.makeup import ACTION_UNITS, draw_makeup
+from blendcap.synthetic.makeup import ACTION_UNITS, Hand, draw_makeup
 from blendcap.synthetic.mannequin import mannequin
 from blendcap.synthetic.paint import Stroke, paint
 from blendcap.synthetic.performances import for_rig
@@ -235,6 +235,7 @@ def test_triangulated_dots_tell_the_slip():
     rest = shots[0].dots.positions(truth.performer.rig.mesh)
     for frame in range(3):
         found = triangulate(shots, frame)
+        np.testing.assert_allclose(found, truth.positions[frame], atol=1e-3)  # what the markers' take says
         rotation, move = rigid(rest, found)
         slip = slip_matrices(truth)[frame]
         np.testing.assert_allclose(rotation, slip[:3, :3], atol=1e-6)
@@ -297,6 +298,14 @@ def test_hands_differ_and_one_hand_repeats_itself():
     assert 0.3 < np.mean(moved) < 4
 
 
+def test_a_steady_hand_paints_both_sides_alike():
+    strokes = {s.name: s.points for s in draw_makeup(small(), seed=1, hand=Hand(0.0, 0.0, 0.0))}
+    for name, right in strokes.items():
+        if name.endswith("_right"):
+            left = strokes[name.replace("_right", "_left")]
+            np.testing.assert_allclose(left.mean(0) * [-1, 1, 1], right.mean(0), atol=0.05)
+
+
 def test_makeup_moves_with_the_skin(scene):
     mesh = scene.truth.performer.rig.mesh
     made, bare = (film_head(scene.truth, scene.helmet, seed=3, makeup=m, dots=False) for m in (scene.strokes, []))
@@ -340,6 +349,8 @@ def test_paint_ignores_seams(seam):
     pose[2, 3] = 400
     picture = surface.picture(vertices, camera(pose), (320, 240), np.zeros((0, 8)), ambient=1.0)
     assert picture.sum() == pytest.approx(np.pi * 12**2, rel=0.02)  # 2 pixels are a millimetre
+    inside = picture[119 - 8 : 119 + 8, 161 - 8 : 161 + 8]
+    assert inside.min() > 0.97  # no line where the seam runs
     row, column = np.nonzero(picture)
     weight = picture[row, column] / picture.sum()
     np.testing.assert_allclose([weight @ column, weight @ row], [159.5 + 1.4, 119.5 - 0.6], atol=0.1)

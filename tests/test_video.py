@@ -1,6 +1,7 @@
 """Videos: what was written comes back, real files agree with a peer, damaged files are refused in a sentence."""
 
 import tracemalloc
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -95,6 +96,11 @@ def test_a_damaged_frame_is_named(clip):
     clip.write_bytes(content)
     with pytest.raises(InputError, match=r"frame \d+ of 12 is damaged|cut short"):
         list(read_video(clip).frames())
+
+
+def test_a_frame_that_never_comes_is_missed(clip):
+    with pytest.raises(InputError, match="frame 12 of 13 is damaged"):
+        list(replace(read_video(clip), count=13).frames())
 
 
 @pytest.mark.parametrize("content", [b"", b"hello", b"\x89PNG\r\n", bytes(5000)])
