@@ -1,4 +1,4 @@
-"""How long the stage's cameras take for a picture, on one core, and how exact the dots in it are.
+"""How long the stage's cameras take for a picture, on one core.
 
 python benchmarks/stage.py [ICT-FaceKit .npz]
 """
