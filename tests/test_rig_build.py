@@ -2,6 +2,7 @@
 
 import json
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ import pytest
 import blendcap
 import masks
 from blendcap.cli import main
+from blendcap.cli.rig_examples import asked_for
 from blendcap.data import InputError, Mesh, Rig, SurfacePoints
 from blendcap.modeling.landmark_pairs import partners
 
@@ -100,6 +102,40 @@ def test_a_landmark_that_the_template_lacks_is_named(folder, capsys):
 def test_an_output_that_is_no_rig_is_refused_before_the_work(folder, capsys):
     assert main([*BUILD[:4], "actor.obj", *BUILD[5:]]) == 1
     assert "its ending must be one of .glb, .npz" in capsys.readouterr().err
+
+
+def smiling(amount):
+    """The person of the scan with the brow lifted, as another scan sees it."""
+    parameters, faces = masks.sheet(49, 57, jitter=0.3, seed=7)
+    lift = np.exp(-(((parameters - [0, 0.5]) / 0.3) ** 2).sum(1))
+    return Mesh(masks.mask(parameters, **OTHER) + np.array([0, amount, 0]) * lift[:, None], faces)
+
+
+@pytest.mark.slow
+def test_examples_that_are_named_after_shapes_refine_them(folder):
+    (folder / "more").mkdir()
+    blendcap.write_mesh(folder / "more" / "browInnerUp.obj", smiling(12.0))
+    assert main([*BUILD, "--json"]) == 0
+    plain = blendcap.read_rig(folder / "actor.npz")
+    assert main([*BUILD, "--json", "--examples", "more"]) == 0
+    refined = blendcap.read_rig(folder / "actor.npz")
+    assert refined.names == plain.names
+    np.testing.assert_allclose(refined.mesh.vertices, plain.mesh.vertices, atol=1e-6)
+    assert np.abs(refined.deltas - plain.deltas).max() > 0.1
+
+
+@pytest.mark.parametrize(("make", "words"), [(False, "no such folder"), (True, "holds no scans")])
+def test_a_folder_without_examples_is_said(folder, capsys, make, words):
+    if make:
+        (folder / "more").mkdir()
+    assert main([*BUILD, "--examples", "more"]) == 1
+    assert words in capsys.readouterr().err
+
+
+def test_names_of_files_are_weights():
+    rig = a_rig()
+    np.testing.assert_array_equal(asked_for(rig, [Path("browInnerUp.obj"), Path("BrowInnerUp.ply")]), [[1], [1]])
+    assert asked_for(rig, [Path("browInnerUp.obj"), Path("scan7.obj")]) is None
 
 
 def test_points_are_paired_by_name():

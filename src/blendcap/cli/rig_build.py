@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -27,6 +28,7 @@ def build(
     output: Annotated[Path, Parameter(name=("--output", "-o"))],
     template: Path | None = None,
     landmarks: Path | None = None,
+    examples: Path | None = None,
     unit: Literal["mm", "cm", "dm", "m", "in"] | None = None,
     report: Path | None = None,
     backend: Literal["auto", "cholmod", "splu"] = "auto",
@@ -45,6 +47,9 @@ def build(
     landmarks
         A .json of points on the scan by the names of the template's points: {"landmarks68/30": 4321}, or a points
         file. Without it they are found from the scan's form and texture.
+    examples
+        A folder of scans of the same person's expressions, in the same unit: they refine the shapes. If every file is
+        named after a shape of the template, as in jawOpen.obj, each counts as that shape; otherwise weights are solved.
     unit
         The scan's unit; found from the size of a head if not given.
     report
@@ -54,6 +59,7 @@ def build(
     as_json
         Print the answer as JSON.
     """
+    from blendcap.cli.rig_examples import example_files, refined
     from blendcap.io import read_mesh, read_rig, write_rig
     from blendcap.modeling.build import build_rig
     from blendcap.modeling.scan_repair import ready_scan
@@ -61,12 +67,13 @@ def build(
 
     check_outputs([output], RIGS)
     check_outputs([report], PAGES)
+    files = [] if examples is None else example_files(examples, scan)
     progress = Progress(quiet=as_json)
     with progress.step("read", f"Read {scan}"):
         raw = read_mesh(scan, unit or "mm")
         base = blendcap.mannequin() if template is None else read_rig(template)
     with progress.step("landmarks", "Find landmarks" if landmarks is None else f"Read {landmarks}"):
-        given, notes = _found(raw, base) if landmarks is None else (read_landmarks(landmarks, raw, base), [])
+        given, notes = find_pairs(raw, base) if landmarks is None else (read_landmarks(landmarks, raw, base), [])
         stated = unit is not None or scan.suffix.lower() in (".glb", ".gltf")
         unit_mm, note = (1.0, None) if stated else _unit(given, base)
         ready = ready_scan(raw, unit_mm)
@@ -77,6 +84,8 @@ def build(
     with progress.step("build", "Lay the template onto the scan and carry its shapes over") as tell:
         pairs = None if given is None else (given[0], ready.unit_mm * given[1])
         built = build_rig(base, ready.mesh, pairs, backend=backend, tell=tell)
+    if examples is not None:
+        built = replace(built, rig=refined(built.rig, files, ready.unit_mm, base, progress))
     with progress.step("write", f"Write {output}"):
         write_rig(output, built.rig)
     if report is not None:
@@ -102,7 +111,7 @@ def _unit(given, template: Rig) -> tuple[float | None, str | None]:
     return unit_by_face(float(align(given[0].positions(template.mesh), given[1])[2]))
 
 
-def _found(scan: Mesh, template: Rig) -> tuple[tuple[SurfacePoints, np.ndarray] | None, list[str]]:
+def find_pairs(scan: Mesh, template: Rig) -> tuple[tuple[SurfacePoints, np.ndarray] | None, list[str]]:
     """Landmarks found on a scan, with their partners on the template; a sentence where none were."""
     from blendcap.modeling.landmark_names import rig_landmarks
     from blendcap.modeling.landmarks import find_landmarks

@@ -11,7 +11,9 @@ from blendcap.data import Mesh, Rig, SurfacePoints
 from blendcap.modeling.registration import Registration, register
 from blendcap.modeling.transfer import transfer_rig
 from blendcap.numerics.leastsq import Backend
-from blendcap.numerics.similarity import apply
+from blendcap.numerics.similarity import align_robust, apply
+
+FEWEST = 50  # vertices that no shape moves and the scan shows, to hold the head by
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,3 +56,24 @@ def build_rig(
     neutral = upright(registration.mesh)
     start = template.mesh.with_vertices(apply(template.mesh.vertices, np.eye(3), np.zeros(3), scale))
     return BuiltRig(transfer_rig(template, neutral), upright(scan), start, registration)
+
+
+def register_example(rig: Rig, scan: Mesh, landmarks: tuple[SurfacePoints, np.ndarray] | None = None) -> Mesh:
+    """An expression of the actor in the rig's topology, with the head where the rig's is.
+
+    Parameters
+    ----------
+    rig : Rig
+        The actor's rig, as `build_rig` makes it.
+    scan : Mesh
+        An expression of the same person, mm, see `ready_scan`.
+    landmarks
+        As for `register`.
+    """
+    found = register(rig, scan, landmarks)
+    moving = np.zeros(len(rig.mesh.vertices), dtype=bool)
+    moving[rig.moving_vertices()] = True
+    still = ~moving & np.isfinite(found.distance)
+    rows = np.flatnonzero(still if still.sum() >= FEWEST else np.isfinite(found.distance))
+    back = align_robust(found.mesh.vertices[rows], rig.mesh.vertices[rows], scale=False)
+    return rig.mesh.with_vertices(apply(found.mesh.vertices, *back))

@@ -1,0 +1,62 @@
+"""Scans of expressions, for `blendcap rig build --examples`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import blendcap
+from blendcap.cli.progress import Progress
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from blendcap.data import Rig
+
+SCANS = (".obj", ".ply", ".stl", ".glb", ".gltf")
+
+
+def example_files(folder: Path, neutral: Path) -> list[Path]:
+    """The scans of a folder by name, without the neutral."""
+    if not folder.is_dir():
+        raise blendcap.InputError(f"Cannot read {folder}: there is no such folder; name the folder of the examples.")
+    files = sorted(f for f in folder.iterdir() if f.suffix.lower() in SCANS and f.resolve() != neutral.resolve())
+    if not files:
+        raise blendcap.InputError(f"{folder} holds no scans; put .obj, .ply, .stl or .glb files of expressions there.")
+    return files
+
+
+def refined(rig: Rig, files: list[Path], unit_mm: float, template: Rig, progress: Progress) -> Rig:
+    """The rig with its shapes refined by scans of expressions, each registered first."""
+    from blendcap.cli.rig_build import find_pairs
+    from blendcap.io import read_mesh
+    from blendcap.modeling.build import register_example
+    from blendcap.modeling.scan_repair import ready_scan
+
+    meshes = []
+    with progress.step("examples", f"Register {len(files)} examples", total=len(files)) as tell:
+        for number, file in enumerate(files):
+            tell(file.name)
+            raw = read_mesh(file, "mm")
+            pairs, _ = find_pairs(raw, template)
+            scaled = None if pairs is None else (pairs[0], unit_mm * pairs[1])
+            meshes.append(register_example(rig, ready_scan(raw, unit_mm).mesh, scaled))
+            tell(number + 1)
+    with progress.step("refine", "Refine the shapes by the examples"):
+        return blendcap.refine_rig(rig, meshes, asked_for(rig, files))
+
+
+def asked_for(rig: Rig, files: list[Path]) -> np.ndarray | None:
+    """Weights (J, N) of examples that are all named after a shape of the rig, `jawOpen.obj`; None otherwise."""
+    import numpy as np
+
+    from blendcap.data.names import canonical
+
+    place = {canonical(name): i for i, name in enumerate(rig.names)}
+    rows = [place.get(canonical(file.stem)) for file in files]
+    if any(row is None for row in rows):
+        return None
+    weights = np.zeros((len(files), len(rig.names)))
+    for j, row in enumerate(rows):
+        weights[j, row] = 1
+    return weights
