@@ -20,7 +20,7 @@ from blendcap.rendering.texels import texels_of, uv_pixels
 
 ROUNDS = 8  # of detecting and turning the face to the front
 SLACK = (10.0, 6.0, 3.0)  # deviation of the prior beyond what was learned, pixels, in the first rounds and then on
-SETTLED = 0.5  # mm, that no feature moves by more than at the end
+SETTLED = 0.5  # mm, RMS, that the features move by at most at the end
 NEEDED = 8  # features, of which half look right, without which there is no face
 FAR = 15.0  # mm, median distance from the average face beyond which there is none
 UV_SIZE, UV_STEP = 1024, 4  # the thesis' size of a texture, and the grid that its filters are moved on, pixels
@@ -46,7 +46,7 @@ class Finding:
     rounds : int
         How often the face was turned to the front and looked at again.
     converged : bool
-        Whether the last round moved no feature by more than half a millimetre.
+        Whether the last round moved the features by less than half a millimetre (RMS).
     """
 
     points: SurfacePoints
@@ -107,13 +107,13 @@ def _search_frontal(mesh: Mesh, detectors: Detectors) -> Finding:
         pixels, odds = detect(view.image, model, slack=slack)
         places = _lifted(mesh, view, model, pixels)
         after = places @ place[:3, :3].T + place[:3, 3]
-        if before is not None and rounds > len(SLACK) and np.nanmax(np.abs(after - before)) < SETTLED:
+        if before is not None and rounds > len(SLACK) and _step(after, before) < SETTLED:
             converged = True
             break
         turned = _to_average(places, place, model)
         before, place = places @ turned[:3, :3].T + turned[:3, 3], turned
     if not converged:
-        _log.warning("The landmarks still moved by more than %g mm after %d rounds; look at their picture.",
+        _log.warning("The landmarks still moved by more than %g mm (RMS) after %d rounds; look at their picture.",
                      SETTLED, rounds)  # fmt: skip
     corners = view.pixels[mesh.faces]
     found = dict(zip(model.names, pixels, strict=True))
@@ -137,6 +137,11 @@ def _search_uv(mesh: Mesh, detectors: Detectors) -> Finding:
     corners = uv_pixels(mesh, size)[mesh.uv_faces]
     points = lift(texels_of(mesh, size), corners, names, spots)
     return Finding(points, image, spots, sure, np.eye(4), 1, True)
+
+
+def _step(after: np.ndarray, before: np.ndarray) -> float:
+    """RMS distance, mm, between features (L, 3) that both have."""
+    return float(np.sqrt(np.nanmean(((after - before) ** 2).sum(1))))
 
 
 def _lifted(mesh: Mesh, view: Frontal, model: LandmarkModel, pixels: np.ndarray) -> np.ndarray:

@@ -16,11 +16,12 @@ REACH = 0.35  # of a line's length, how far it may leave the straight line
 PAPER_REACH = 50  # pixels of a texture of 1024
 LEARNED = Weights(even=0.0, dark=1.0, smooth=3.0)  # for log-odds
 PAPER = Weights(even=1.0, dark=1.0, smooth=0.02)  # for brightness over its own deviation
+DARK = 2.0  # log-odds that a standard deviation of brightness is worth
 LOWEST = -20.0  # log-odds; one odd place must not decide
 
 
 def trace_learned(image: np.ndarray, found: Mapping[str, np.ndarray], model: LandmarkModel) -> dict[str, np.ndarray]:
-    """Pixels (W, 2) of each line whose corners were found: the line of the highest log-odds, smooth."""
+    """Pixels (W, 2) of each line whose corners were found: of high log-odds, dark and smooth."""
     maps = cell_maps(image, model.cell)
     lines = {}
     for line in LINES:
@@ -32,9 +33,16 @@ def trace_learned(image: np.ndarray, found: Mapping[str, np.ndarray], model: Lan
         scores = scores_at(maps, strip.reshape(-1, 2), model)[:, rows].max(2)
         odds = np.stack([log_odds(scores[:, k], model.good[r], model.bad[r]) for k, r in enumerate(rows)], 1)
         odds = np.maximum(odds, LOWEST).reshape(*strip.shape[:2], -1)
-        cost = -np.einsum("hwk,wk->hw", odds, _shares(strip.shape[1]))
+        cost = -np.einsum("hwk,wk->hw", odds, _shares(strip.shape[1])) + DARK * _brightness(image, strip)
         lines[line] = strip[trace_exact(cost, LEARNED), np.arange(strip.shape[1])]
     return lines
+
+
+def _brightness(image: np.ndarray, strip: np.ndarray) -> np.ndarray:
+    """Mean brightness of the channels along a strip, each over its own deviation there, no more than two of them."""
+    values = np.stack([sampled(image[..., c], strip) for c in range(image.shape[2])])
+    spread = np.maximum(values.std((1, 2), keepdims=True), 1e-6)
+    return np.clip((values - values.mean((1, 2), keepdims=True)) / spread, -2, 2).mean(0)
 
 
 def trace_paper(image: np.ndarray, found: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
