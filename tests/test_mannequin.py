@@ -6,13 +6,13 @@ from scipy.spatial import cKDTree
 
 from blendcap import InputError, Rig, mannequin
 from blendcap.data.facs import ARKIT_NAMES, SHAPE_NAMES, SHAPES
-from blendcap.synthetic.mannequin import PEOPLE
+from blendcap.synthetic.mannequin import ASYMMETRIES, MEASURES, PEOPLE
 from blendcap.synthetic.mannequin.cage import head_cage
 from blendcap.synthetic.mannequin.identity import make_person, measures_of
 from blendcap.synthetic.mannequin.shared import shared
 from faces import reflected
 
-IDENTITIES = (0, 3, 11, *list(PEOPLE)[1:])
+IDENTITIES = tuple(PEOPLE)  # as symmetric as they are built
 
 
 @pytest.fixture(scope="module", params=IDENTITIES, ids=str)
@@ -211,3 +211,30 @@ def test_bad_identities_are_refused_in_plain_words(identity, words):
 def test_other_sets_of_shapes_are_refused():
     with pytest.raises(InputError, match="140 shapes or with ARKit's 52"):
         mannequin(shapes=51)
+
+
+def test_asymmetry_sets_the_sides_apart_and_nothing_else():
+    cage = head_cage()
+    even = make_person(cage, {})
+    assert not even.bend
+    skin = cage.mirrored(even.points)
+    for name, measure in ASYMMETRIES.items():
+        moved = make_person(cage, {name: measure.deviation}).bend.displacement(skin)
+        twin = moved[cage.twins] * [-1, 1, 1]
+        assert 0.25 * measure.deviation < np.abs(moved).max() < 1.05 * measure.deviation, name
+        assert np.abs(moved + twin).max() < 0.02, name  # on the whole, the face stays where it is
+        eye = even.globe + 18 * np.array([[0, 0, 1], [0, 0.6, 0.8], [0.6, 0, 0.8], [0, 0, 0]])
+        shifts = make_person(cage, {name: measure.deviation}).bend.displacement(eye)
+        assert np.ptp(shifts, axis=0).max() < 1e-12, name  # eye and lids move as one
+
+
+def test_people_are_drawn_with_what_goes_together_in_people():
+    people = [measures_of(seed) for seed in range(1, 400)]
+    table = {name: np.array([one[name] for one in people]) for name in MEASURES | ASYMMETRIES}
+    for name, measure in (MEASURES | ASYMMETRIES).items():
+        assert table[name].std() == pytest.approx(measure.deviation, rel=0.15), name
+        assert np.abs(table[name]).max() <= 2 * measure.deviation
+    for one, other, sign in (("upper_lip_height", "lower_lip_height", 1), ("brow_ridge", "brow_height", -1),
+                             ("head_width", "head_length", 1), ("cheek_fullness", "neck_width", 1)):  # fmt: skip
+        assert 0.15 < sign * np.corrcoef(table[one], table[other])[0, 1] < 0.8
+    assert abs(np.corrcoef(table["nose_length"], table["mouth_slant"])[0, 1]) < 0.2

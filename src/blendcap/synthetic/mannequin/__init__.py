@@ -5,8 +5,9 @@ shapes (`jaw`, `lips`, `lids`, `upper_face`, `shapes`), subdivided by one linear
 teeth and tongue (`parts`) and painted (`atlas`, `skin`).
 """
 
+from blendcap.synthetic.mannequin.asymmetry import ASYMMETRIES
 from blendcap.synthetic.mannequin.build import mannequin
 from blendcap.synthetic.mannequin.identity import PEOPLE
 from blendcap.synthetic.mannequin.measures import MEASURES
 
-__all__ = ["MEASURES", "PEOPLE", "mannequin"]
+__all__ = ["ASYMMETRIES", "MEASURES", "PEOPLE", "mannequin"]

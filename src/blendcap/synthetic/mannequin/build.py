@@ -29,7 +29,8 @@ def mannequin(identity: int | str | Mapping[str, float] = 0, shapes: int = 140) 
     Parameters
     ----------
     identity : int, str or {measure: mm}
-        A seed (0 is the plain person), a name in `PEOPLE`, or measures by name (see `MEASURES`; the others stay 0).
+        A seed (0 is the plain person), a name in `PEOPLE`, or measures by name (see `MEASURES` and `ASYMMETRIES`;
+        the others stay 0).
     shapes : int
         140, all of `blendcap.data.facs.SHAPES`, or 52, the first of them: ARKit's.
 
@@ -38,7 +39,8 @@ def mannequin(identity: int | str | Mapping[str, float] = 0, shapes: int = 140) 
     Rig
         Skin of quads with its eyes, teeth and tongue, uv and a texture; `regions`, `contacts` (lips, lids_left,
         lids_right), `mirror`, `combinations` and the points "landmarks68" and "markers50". Lips meet in the neutral
-        face and at jawOpen + mouthClose, lids at eyeBlink, exactly. The right half mirrors the left.
+        face and at jawOpen + mouthClose, lids at eyeBlink, exactly. Without asymmetry the right half mirrors the
+        left; the mirror map pairs shapes in any case.
 
     Raises
     ------
@@ -76,30 +78,38 @@ def _look_of(identity: int | str | Mapping[str, float]) -> Look:
 
 
 def _mesh(head: Shared, face: Face, parts: list[Part], look: Look) -> Mesh:
-    skin = head.surface.evened(head.surface.through(head.cage.mirrored(face.points)) + head.auricles)
+    cage, bend = head.cage.mirrored(face.points), face.person.bend
+    skin = head.surface.evened(head.surface.through(cage) + head.auricles)
+    if bend:
+        skin = skin + head.surface.through(bend.displacement(cage))
     vertices, quads = [skin], [head.surface.quads]
     for part in parts:
         quads.append(part.quads + sum(map(len, vertices)))
-        vertices.append(part.vertices)
+        vertices.append(part.vertices + bend.displacement(part.vertices))
     polygons = np.concatenate(quads)
     uv_faces = triangulate(head.atlas.quads)
     return Mesh(np.concatenate(vertices), triangulate(polygons), polygons, head.atlas.uv, uv_faces, painted(look))
 
 
 def _deltas(head: Shared, face: Face, parts: list[Part], names: Sequence[str], mirror: np.ndarray) -> np.ndarray:
-    """Displacements (N, V, 3) float32 of skin and parts; a shape and its mirror image mirror each other exactly."""
-    rest = head.surface.through(head.cage.mirrored(face.points))
+    """Displacements (N, V, 3) float32 of skin and parts; without asymmetry, a shape and its mirror image mirror."""
+    cage, bend = head.cage.mirrored(face.points), face.person.bend
+    rest = head.surface.through(cage)
     left = triangulate(head.surface.quads[: len(head.surface.quads) // 2])
     moved = cage_shapes(face, dental_arch(parts), rest, left)
-    skin = head.surface.through(np.stack([moved[name] for name in names], 1))
-    skin = 0.5 * (skin + head.surface.reflected(skin)[:, mirror])
-    of_parts = part_shapes(parts, face.person)
-    total = sum(len(part.vertices) for part in parts)
-    deltas = np.zeros((len(names), len(skin) + total, 3), dtype=np.float32)
+    steps = np.stack([moved[name] for name in names], 1)
+    if bend:
+        skin = head.surface.through(np.einsum("pij,pnj->pni", bend.turns(cage), steps))
+    else:
+        skin = head.surface.through(steps)
+        skin = 0.5 * (skin + head.surface.reflected(skin)[:, mirror])
+    of_parts, pieces = part_shapes(parts, face.person), np.concatenate([part.vertices for part in parts])
+    deltas = np.zeros((len(names), len(skin) + len(pieces), 3), dtype=np.float32)
     deltas[:, : len(skin)] = skin.transpose(1, 0, 2)
+    turns = bend.turns(pieces)
     for row, name in enumerate(names):
         if name in of_parts:
-            deltas[row, len(skin) :] = of_parts[name]
+            deltas[row, len(skin) :] = np.einsum("pij,pj->pi", turns, of_parts[name])
     return deltas
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -59,8 +59,11 @@ class Cage:
 
     def index(self, names: Sequence[str]) -> np.ndarray:
         """Places of authored points, by name."""
-        place = {name: i for i, name in enumerate(self.names)}
-        return np.array([place[name] for name in names])
+        return np.array([self._places[name] for name in names], dtype=np.int64)
+
+    @cached_property
+    def _places(self) -> dict[str, int]:
+        return {name: i for i, name in enumerate(self.names)}
 
     def mirrored(self, left: np.ndarray, *, vectors: bool = True) -> np.ndarray:
         """Values (H, ...) of the authored half on the whole cage; vectors and positions turn their x."""

@@ -43,6 +43,7 @@ class Face:
         self.on_globe = np.isin(self.ring, ("sock", "margin", "edge"))
         self.upper = self.mouth & (self.place < 4)
         self.lower = self.mouth & (self.place > 4)
+        self._rings = {str(head): np.flatnonzero(self.ring == head) for head in np.unique(self.ring[self.place >= 0])}
         self.normals = _normals(cage, self.points)
         self.across = self.points[:, 0] * (26.0 / self.at("seam.4")[0])
 
@@ -56,8 +57,14 @@ class Face:
 
     def weights(self, table: Mapping[str, float]) -> np.ndarray:
         """A weight (H,) for each point: by its own name, else by its ring, else 0."""
-        pairs = zip(self.cage.names, self.ring, strict=True)
-        return np.array([table.get(name, table.get(head, 0.0)) for name, head in pairs])
+        result, own = np.zeros(len(self.points)), {}
+        for name, value in table.items():
+            if name in self._rings:
+                result[self._rings[name]] = value
+            else:
+                own[name] = value
+        result[self.cage.index(list(own))] = list(own.values())
+        return result
 
     def near(self, center, spread) -> np.ndarray:
         """A Gaussian (H,) about named points' middle or a place on the left."""

@@ -1,4 +1,4 @@
-"""Who the mannequin is: thirty named measures, each in mm at the place that it is named after.
+"""Who the mannequin is: named measures, each in mm at the place that it is named after, and asymmetries.
 
 A measure moves space smoothly, so it moves the authored points, the eyes and the teeth alike. The eyeball and the lids
 on it move as one body and the lids are put back on their own spheres, so they fit in every identity.
@@ -13,7 +13,9 @@ from numbers import Integral
 import numpy as np
 
 from blendcap.data import InputError
+from blendcap.synthetic.mannequin.asymmetry import ASYMMETRIES, Bend
 from blendcap.synthetic.mannequin.cage import Cage, ring
+from blendcap.synthetic.mannequin.draws import drawn
 from blendcap.synthetic.mannequin.measures import MEASURES, displacement
 
 GLOBE = np.array([31.5, 0.0, 69.5])  # the left eyeball's center, mm
@@ -45,7 +47,7 @@ _ON_THE_GLOBE = ("canthal_tilt", "eye_height")  # move the lids over the eyeball
 
 @dataclass(frozen=True, eq=False)
 class Person:
-    """One identity.
+    """One identity, as symmetric as it is built; `bend` then sets the sides apart.
 
     Parameters
     ----------
@@ -60,9 +62,14 @@ class Person:
     globe: np.ndarray
     measures: Mapping[str, float]
 
+    @property
+    def bend(self) -> Bend:
+        """What makes the sides differ."""
+        return Bend(self.measures, self.globe)
+
     def moved(self, points: np.ndarray) -> np.ndarray:
         """Free points (..., 3) of the plain head, moved into this one: teeth and tongue."""
-        return points + displacement(points, self.measures)
+        return points + displacement(points, _symmetric(self.measures))
 
 
 def measures_of(identity: int | str | Mapping[str, float]) -> dict[str, float]:
@@ -78,13 +85,16 @@ def measures_of(identity: int | str | Mapping[str, float]) -> dict[str, float]:
             raise InputError(f"There is no mannequin named {identity!r}; choose one of {', '.join(PEOPLE)}.")
         return dict(PEOPLE[identity])
     if isinstance(identity, Integral):
-        return _drawn(int(identity))
+        if identity < 0:
+            raise InputError(f"A mannequin's seed is a whole number from 0, but is {identity}.")
+        return drawn(int(identity)) if identity else {}
     if not isinstance(identity, Mapping):
         raise InputError(f"A mannequin's identity is a seed, a name or named measures in mm, but is {identity!r}.")
+    known = MEASURES | ASYMMETRIES
     for name, value in identity.items():
-        if name not in MEASURES:
-            raise InputError(f"The mannequin has no measure named {name!r}; it has {', '.join(MEASURES)}.")
-        limit = 2 * MEASURES[name].deviation
+        if name not in known:
+            raise InputError(f"The mannequin has no measure named {name!r}; it has {', '.join(known)}.")
+        limit = 2 * known[name].deviation
         try:
             inside = -limit <= float(value) <= limit
         except (TypeError, ValueError):
@@ -94,11 +104,16 @@ def measures_of(identity: int | str | Mapping[str, float]) -> dict[str, float]:
     return {name: float(value) for name, value in identity.items()}
 
 
+def _symmetric(measures: Mapping[str, float]) -> dict[str, float]:
+    return {name: value for name, value in measures.items() if name in MEASURES}
+
+
 def make_person(cage: Cage, measures: Mapping[str, float]) -> Person:
     """The authored points of `cage` under these measures, lids fitted to the eyeballs."""
-    rigid = {name: value for name, value in measures.items() if name not in _ON_THE_GLOBE}
-    local = {name: value for name, value in measures.items() if name in _ON_THE_GLOBE}
-    points = cage.half + displacement(cage.half, measures)
+    own = _symmetric(measures)
+    rigid = {name: value for name, value in own.items() if name not in _ON_THE_GLOBE}
+    local = {name: value for name, value in own.items() if name in _ON_THE_GLOBE}
+    points = cage.half + displacement(cage.half, own)
     shift = displacement(GLOBE[None], rigid)[0]
     for name, share in (("sock", 1.0), ("margin", 1.0), ("edge", 1.0), ("crease", 0.75)):
         at = cage.index(ring(name, 12))
@@ -110,13 +125,3 @@ def make_person(cage: Cage, measures: Mapping[str, float]) -> Person:
             moved = GLOBE + shift + out * radius / np.linalg.norm(out, axis=1, keepdims=True)
         points[at] = moved
     return Person(points, GLOBE + shift, dict(measures))
-
-
-def _drawn(seed: int) -> dict[str, float]:
-    if seed < 0:
-        raise InputError(f"A mannequin's seed is a whole number from 0, but is {seed}.")
-    if seed == 0:
-        return {}
-    draws = np.random.default_rng(seed).normal(size=len(MEASURES))
-    drawn = zip(MEASURES.items(), np.clip(draws, -2, 2), strict=True)
-    return {name: float(measure.deviation * draw) for (name, measure), draw in drawn}
