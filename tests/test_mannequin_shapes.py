@@ -1,11 +1,23 @@
 """The mannequin's 140 shapes: each in its place, parts that sum to wholes, muscles that follow anatomy."""
 
+import subprocess
+import sys
+
+import igl
 import numpy as np
 import pytest
 
+from blendcap import mannequin
+from blendcap.data import triangulate
 from blendcap.data.facs import SHAPE_NAMES, SHAPES
+from blendcap.synthetic.mannequin import MEASURES
+from blendcap.synthetic.mannequin.cage import head_cage
+from blendcap.synthetic.mannequin.contact import along_bone
+from blendcap.synthetic.mannequin.face import Face
+from blendcap.synthetic.mannequin.identity import make_person, measures_of
+from blendcap.synthetic.mannequin.lips import smile
 from blendcap.synthetic.mannequin.shared import shared
-from faces import alone, person, reflected, skin_normals, weights
+from faces import alone, person, reflected, skin_normals
 
 REACH = {  # regions that may move by more than 0.5 mm
     "brow": {"brows", "forehead", "glabella", "lids", "nose", "sockets", "scalp", "cheeks"},
@@ -102,6 +114,59 @@ def test_few_quads_turn_over(identity):
         assert turned.sum() <= 10, name
 
 
-def test_weights_by_name():
-    rig = person()
-    assert weights(rig, eyeBlink=0.5).sum() == 1.0
+def _corner(identity, shape: str) -> np.ndarray:
+    """How far a shape moves the left corner of the mouth of somebody, mm."""
+    rig = mannequin(identity)
+    corner = int(head_cage().index(["seam.4"])[0])
+    return rig.deltas[rig.index(shape), corner]
+
+
+def test_shapes_depend_on_the_person():
+    """Longer muscles move further: wide cheekbones, wide jaws, high lips; and the plain person lies between."""
+    for measure, axis, shape in (("bizygomatic_width", 0, "mouthSmileLeft"), ("bigonial_width", 0, "mouthStretchLeft")):
+        limit = 1.9 * MEASURES[measure].deviation
+        less, same, more = (abs(_corner({measure: value}, shape)[axis]) for value in (-limit, 0, limit))
+        assert less < same < more, measure
+        assert more > 1.02 * less, measure
+    thick, thin = ({f"{lip}_lip_height": 2.8 * sign for lip in ("upper", "lower")} for sign in (1, -1))
+    rolled = [np.linalg.norm(mannequin(who).deltas[SHAPE_NAMES.index("mouthRollUpper")], axis=1).max()
+              for who in (thin, thick)]  # fmt: skip
+    assert rolled[1] > 1.15 * rolled[0]
+
+
+def test_wide_faces_smile_wide():
+    """Among people drawn by seed, the smile's reach goes with the length of the muscle that makes it."""
+    cage, reach, width = head_cage(), [], []
+    for seed in range(1, 41):
+        face = Face(cage, make_person(cage, measures_of(seed)))
+        reach.append(smile(face)[cage.index(["seam.4"])[0], 0])
+        width.append(face.at("P7")[0] + face.at("R9")[0] - 2 * face.at("seam.4")[0])
+    assert np.corrcoef(reach, width)[0, 1] > 0.8
+    assert max(reach) > 1.15 * min(reach)
+
+
+def test_skin_slides_along_the_bone():
+    """A sheet of skin that is drawn up the forehead ends on the resting skin, where a straight step leaves it."""
+    cage, surface = head_cage(), shared().surface
+    face = Face(cage, make_person(cage, {}))
+    skin = np.ascontiguousarray(surface.through(cage.mirrored(face.points)))
+    left = triangulate(surface.quads[: len(surface.quads) // 2])
+    at = cage.index(["b2", "b3", "b4", "H3", "H4"])
+    straight = np.zeros((1, len(face.points), 3))
+    normal = face.normals[at]
+    straight[0, at] = 12 * (np.array([0, 1, 0]) - normal * normal[:, 1:2])
+    ends = [face.points[at] + moved[0, at] for moved in (straight, along_bone(face, straight, skin, left))]
+    chord, slid = (np.sqrt(igl.point_mesh_squared_distance(np.ascontiguousarray(p), skin, left)[0]) for p in ends)
+    resting = np.sqrt(igl.point_mesh_squared_distance(np.ascontiguousarray(face.points[at]), skin, left)[0])
+    assert chord.max() > 1.0
+    assert (slid <= resting + 1e-6).all()
+
+
+def test_it_is_the_same_in_another_process():
+    code = (
+        "import hashlib, numpy as np; from blendcap import mannequin; rig = mannequin(7); "
+        "parts = np.round(rig.deltas, 3).tobytes() + np.round(rig.mesh.vertices, 6).tobytes(); "
+        "print(hashlib.sha256(parts).hexdigest())"
+    )
+    run = [subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True) for _ in range(2)]
+    assert run[0].stdout == run[1].stdout and len(run[0].stdout) == 65

@@ -10,7 +10,7 @@ from blendcap.synthetic.mannequin.face import Face
 from blendcap.synthetic.mannequin.identity import GLOBE_RADIUS
 
 # How far the control points of each ring of the mouth keep off the front of the teeth, mm.
-OFF_TEETH = {"bag": 1.0, "lining": 1.5, "inner": 1.8, "seam": 2.4, "crest": 4.0, "border": 5.0}
+OFF_TEETH = {"bag": 1.0, "lining": 1.8, "inner": 2.6, "seam": 3.2, "crest": 4.0, "border": 5.0}
 
 OFF_GLOBE = {"edge": 1.3, "crease": 2.2, "sulcus": 3.0}  # and of the rings of the eye, off the eyeball, mm
 

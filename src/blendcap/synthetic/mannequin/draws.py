@@ -31,7 +31,7 @@ def drawn(seed: int) -> dict[str, float]:
     rng = np.random.default_rng(seed)
     traits = dict(zip(TRAITS, rng.normal(size=len(TRAITS)), strict=True))
     result = {}
-    for name, measure in (MEASURES | ASYMMETRIES).items():
+    for name, measure in {**MEASURES, **ASYMMETRIES}.items():
         shares = {trait: loadings.get(name, 0.0) for trait, loadings in TRAITS.items()}
         own = np.sqrt(1 - sum(share**2 for share in shares.values()))
         draw = own * rng.normal() + sum(share * traits[trait] for trait, share in shares.items())

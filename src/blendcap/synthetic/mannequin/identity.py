@@ -90,7 +90,7 @@ def measures_of(identity: int | str | Mapping[str, float]) -> dict[str, float]:
         return drawn(int(identity)) if identity else {}
     if not isinstance(identity, Mapping):
         raise InputError(f"A mannequin's identity is a seed, a name or named measures in mm, but is {identity!r}.")
-    known = MEASURES | ASYMMETRIES
+    known = {**MEASURES, **ASYMMETRIES}
     for name, value in identity.items():
         if name not in known:
             raise InputError(f"The mannequin has no measure named {name!r}; it has {', '.join(known)}.")

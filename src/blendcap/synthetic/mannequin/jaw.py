@@ -26,7 +26,7 @@ _RINGS = {
     "lining": (0, 0, 0, 0.06, 0.60, 0.98, 1, 1, 1),
     "bag": (0, 0, 0, 0.05, 0.5, 0.97, 1, 1, 1),
 }
-_WITH_LIPS = {"bag": 0.08, "lining": 0.45, "inner": 1.0, "seam": 1.0, "crest": 1.0, "border": 0.95,
+_WITH_LIPS = {"bag": 0.08, "lining": 0.3, "inner": 1.0, "seam": 1.0, "crest": 1.0, "border": 0.95,
               "around": 0.7, "fold": 0.32}  # fmt: skip
 _CHIN_WITH_LIPS = {"R10": 0.14, "S10": 0.16, "M67": 0.2, "M68": 0.2}
 

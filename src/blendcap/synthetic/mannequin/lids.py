@@ -12,7 +12,6 @@ from blendcap.synthetic.mannequin.cage import ring
 from blendcap.synthetic.mannequin.face import Face, push
 from blendcap.synthetic.mannequin.identity import GLOBE_RADIUS
 
-SOCK = 1.7  # of the lining that dives behind the lids, above the eyeball, mm
 CLEARANCE = 0.9  # of the lid margin's control points above the eyeball, mm
 MEETING = 0.22  # the lids meet this far up from the lower lid
 _TO_CANTHI = np.array([0.25, 0.08, 0.0, 0.16, 0.36])  # and higher towards the canthi, which do not sink
@@ -47,7 +46,7 @@ def _move_lid(face: Face, moved: np.ndarray, places: range, line: np.ndarray, sh
     moved[margin] = _arc(points[margin], line, globe, share) - points[margin]
     rim = line + 1.5 * outward + [0, 0.9 * up, 0]
     moved[edge] = _arc(points[edge], rim, globe, share) - points[edge]
-    along = points[sock] + 0.6 * moved[margin]  # the lining slides round the eyeball
+    along = points[sock] + 0.5 * moved[margin]  # the lining slides round the eyeball
     reach = np.linalg.norm(points[sock] - globe, axis=1, keepdims=True)
     moved[sock] = globe + reach * _unit(along - globe) - points[sock]
     if up > 0:

@@ -153,7 +153,7 @@ def mouth_aside(face: Face) -> np.ndarray:
     weight = face.cage.mirrored(weight * ~face.on_globe, vectors=False)
     half = face.at("seam.4")[0]
     leading = smoothstep(5 / 26, 25 / 26, face.cage.mirrored(face.points)[:, 0] / half)
-    return weight[:, None] * np.stack([np.full_like(leading, 0.25 * half), leading, -2.2 * leading], 1)
+    return weight[:, None] * np.stack([np.full_like(leading, 0.2 * half), leading, -2.2 * leading], 1)
 
 
 def _rolled(face: Face, side: np.ndarray, direction) -> np.ndarray:

@@ -187,7 +187,7 @@ def _teeth(person: Person, *, upper: bool) -> Part:
     columns = 113
     turn = np.linspace(-1, 1, columns) * np.pi / 2 * ARCH
     size = 1.0 if upper else 0.9
-    x, z = size * 25.8 * np.sin(turn), 51 + (42.5 if upper else 40.0) * np.cos(turn) - (0 if upper else 1.5)
+    x, z = size * 25.8 * np.sin(turn), 49.9 + (42.5 if upper else 40.0) * np.cos(turn) - (0 if upper else 1.5)
     along = np.concatenate([[0], np.cumsum(np.hypot(np.diff(x), np.diff(z)))])
     along -= along[columns // 2]
     borders = np.cumsum((0, *(CROWNS if upper else LOWER_CROWNS)))
