@@ -46,7 +46,7 @@ def paint_skin(places: np.ndarray, fields: np.ndarray, look: Look) -> np.ndarray
     """Linear color (P, 3) at places (P, 3) of the plain person, mm, with the fields (P, 6)."""
     color = _complexion(places, fields, look)
     x, y, z = np.abs(places[:, 0]), places[:, 1], places[:, 2]
-    lashes = look.lashes * smoothstep(0.42, 0.62, fields[:, LASH])
+    lashes = look.lashes * smoothstep(0.42, 0.62, fields[:, LASH]) * smoothstep(43.2, 41.2, x)
 
     def layer(here: np.ndarray, strength: Paint, paint: Paint) -> None:
         """Paint over the color where it may show; both strength and paint may depend on the place."""
