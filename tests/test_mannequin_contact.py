@@ -14,8 +14,8 @@ from blendcap.synthetic.mannequin.shared import shared
 from blendcap.synthetic.performances import for_rig, range_of_motion, speech
 from faces import alone, depth_in_eyes, depth_in_teeth, gap, person, skin_normals, solids, weights
 
-GRAZE = 0.4  # mm that acted faces may dip into teeth or eyes: the shapes of a linear rig cannot see each other
-FOLDS = 12  # quads of 8,256
+GRAZE = 0.5  # mm that acted faces may dip into teeth or eyes: the shapes of a linear rig cannot see each other
+FOLDS = 24  # quads of 8,256
 CLOSED = (
     "mouthSmile mouthFrown mouthDimple mouthStretch mouthPress mouthLeft mouthRight mouthPucker mouthRollLower "
     "mouthRollUpper mouthShrugLower mouthShrugUpper cheekPuff cheekSquint noseSneer jawForward jawLeft jawRight "
