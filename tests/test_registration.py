@@ -212,6 +212,37 @@ def test_a_rig_is_laid_down_by_its_neutral():
                                   register(TEMPLATE, scan, pairs).mesh.vertices)  # fmt: skip
 
 
+def slit():
+    """The template with a mouth: a row of vertices doubled, the lower lip moved by the one shape."""
+    on_line = np.abs(PARAMETERS[:, 1] - PARAMETERS[np.argmin(np.abs(PARAMETERS[:, 1] + 0.5)), 1]) < 1e-9
+    upper = np.flatnonzero(on_line & (np.abs(PARAMETERS[:, 0]) < 0.45))
+    lower = len(PARAMETERS) + np.arange(len(upper))
+    below = TEMPLATE.vertices[TEMPLATE.faces].mean(1)[:, 1] < TEMPLATE.vertices[upper[0], 1]
+    twin = np.arange(len(PARAMETERS))
+    twin[upper] = lower
+    faces = np.where(below[:, None], twin[TEMPLATE.faces], TEMPLATE.faces)
+    mesh = Mesh(np.concatenate([TEMPLATE.vertices, TEMPLATE.vertices[upper]]), faces)
+    drop = np.zeros((1, len(mesh.vertices), 3), np.float32)
+    drop[0, lower[1:-1], 1] = -10
+    return mesh, drop, np.stack([upper, lower], 1)[1:-1]
+
+
+def test_lips_that_touch_stay_together_where_landmarks_tear_at_them():
+    mesh, drop, pairs = slit()
+    closed = Rig(mesh, drop, ("jawOpen",), contacts={"lips": pairs})
+    middle = pairs[len(pairs) // 2]
+    points, places = masks.landmarks(mesh, PARAMETERS)
+    torn = SurfacePoints.at_vertices(["up", "down"], middle, mesh)
+    points = SurfacePoints((*points.names, "up", "down"), np.r_[points.faces, torn.faces],
+                           np.r_[points.barycentric, torn.barycentric])  # fmt: skip
+    places = np.r_[places, mesh.vertices[middle] + [[0, 2.5, 0], [0, -2.5, 0]]]
+    gaps = []
+    for rig in (closed, Rig(mesh, drop, ("jawOpen",), contacts={"lids_left": pairs[:0]})):
+        lips = register(rig, TEMPLATE, (points, places)).mesh.vertices[pairs]
+        gaps.append(np.linalg.norm(lips[:, 0] - lips[:, 1], axis=1).max())
+    assert gaps[0] < 0.35 * gaps[1] and gaps[1] > 0.5
+
+
 def test_acceleration_ends_where_the_plain_iteration_ends():
     scan, pairs = masks.scan(**OTHER), masks.landmarks(TEMPLATE, PARAMETERS, **OTHER)
     patient = replace(SCHEDULES["even"], stiffness=(2.6,), landmarks=(2.0,), tolerance=1e-5, steps=150)

@@ -5,7 +5,7 @@ import pytest
 
 import masks
 from blendcap.data import InputError, Mesh
-from blendcap.modeling.scan_repair import clustered, ready_scan
+from blendcap.modeling.scan_repair import UNITS, clustered, ready_scan, unit_by_face
 from blendcap.numerics.surfaces import face_normals
 
 SCAN = masks.scan()
@@ -26,6 +26,14 @@ def test_a_unit_that_is_given_is_taken():
     ready = ready_scan(SCAN, unit_mm=2.0)
     assert ready.unit_mm == 2.0 and not ready.notes
     np.testing.assert_allclose(ready.mesh.vertices, 2 * SCAN.vertices)
+
+
+def test_the_size_of_the_face_tells_the_unit():
+    for unit in UNITS.values():
+        assert unit_by_face(1.1 / unit)[0] == unit  # a face a tenth larger than the template's
+    assert unit_by_face(0.95) == (1.0, None)
+    unit, said = unit_by_face(1 / 53)
+    assert unit == pytest.approx(53) and "scaled by 53 to be as large as the template's" in str(said)
 
 
 def test_triangles_that_face_inwards_are_turned():
