@@ -133,13 +133,15 @@ def _right_sides(faces: Faces, gradient, areas, weighted) -> tuple[np.ndarray, n
     right = np.empty((len(faces.rest), 3 * len(faces.deltas)))
     before = np.empty(len(faces.deltas))
     for i, delta in enumerate(faces.deltas):
-        rows = np.flatnonzero(delta.any(1)[faces.faces].any(1))
-        maps = deformation_gradients(inverse[rows], faces.template + delta, faces.faces[rows]) - np.eye(3)
-        maps -= (maps @ normal[rows, :, None]) * normal[rows, None, :]  # only what lies in the triangle's plane
+        moved = delta.any(1)
+        rows = np.flatnonzero(moved[faces.faces[:, 0]] | moved[faces.faces[:, 1]] | moved[faces.faces[:, 2]])
+        maps = deformation_gradients(inverse[rows], faces.template + delta, faces.faces[rows])
         missing = -(gradient @ delta)
-        missing.reshape(-1, 3, 3)[rows] += maps.transpose(0, 2, 1)
+        part = missing.reshape(-1, 3, 3)[rows] + maps.transpose(0, 2, 1) - np.eye(3)
+        missing.reshape(-1, 3, 3)[rows] = part
         right[:, 3 * i : 3 * i + 3] = weighted @ missing
-        before[i] = np.repeat(areas, 3) @ np.einsum("ij,ij->i", missing, missing)
+        across = np.einsum("fk,fkc->fc", normal[rows], part)  # what no displacement in the triangle's plane can answer
+        before[i] = areas[rows] @ (np.einsum("fkc,fkc->f", part, part) - np.einsum("fc,fc->f", across, across))
     return right, before
 
 
