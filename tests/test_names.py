@@ -69,3 +69,16 @@ def test_halves_and_wholes_are_carried_both_ways():
     np.testing.assert_allclose(again.weights, [[0.4, 0.8]])
     with pytest.raises(InputError, match="None of the shapes"):
         in_vocabulary(whole, ("tail",))
+
+
+def test_a_rig_with_wholes_and_halves_moves_once():
+    both, halves = ("browInnerUp", "browInnerUpLeft", "browInnerUpRight"), ("browInnerUp_L", "browInnerUp_R")
+    sides = in_vocabulary(Animation([[0.2, 0.6]], halves, 30), both)
+    assert sides.names == both[1:]
+    np.testing.assert_allclose(sides.weights, [[0.2, 0.6]])
+    parts = Animation([[0.3, 0.2, 0.0]], both, 30, confidence=[[1.0, 0.5, np.nan]])
+    added = in_vocabulary(parts, halves)
+    np.testing.assert_allclose(added.weights, [[0.5, 0.3]])
+    np.testing.assert_allclose(added.confidence, [[0.75, np.nan]])
+    np.testing.assert_allclose(in_vocabulary(parts, ("browInnerUp",)).weights, [[0.4]])
+    np.testing.assert_array_equal(in_vocabulary(parts, both).weights, parts.weights)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -85,23 +86,21 @@ def match(names: Sequence[str], others: Sequence[str]) -> dict[str, tuple[str, .
 def in_vocabulary(animation: Animation, names: Sequence[str], *, partial: bool = True) -> Animation:
     """The animation on shapes that another rig or file names otherwise, in the order of `names`.
 
-    Spellings are matched; a whole moves both its halves, and halves move the whole by their mean. Shapes that nothing
-    drives are left out, and shapes that find no place are named in a warning, or refused unless `partial` (angles of
-    the head and the eyes never are).
+    Spellings are matched. A whole that has no place moves both its halves, halves that have none move the whole by
+    their mean, and what comes together adds up. Shapes that nothing drives are left out, and shapes that find no place
+    are named in a warning, or refused unless `partial` (angles of the head and the eyes never are).
 
     Raises
     ------
     InputError
         If no shape finds a place, or one that moves does not and `partial` is false.
     """
-    there, back = match(animation.names, names), match(names, animation.names)
-    drivers = {target: (name,) for name, targets in there.items() for target in targets} | back
-    wanted = [name for name in names if name in drivers]
-    if not wanted:
+    shares = _shares(animation.names, names)
+    driven, used = shares.any(0), shares.any(1)
+    if not driven.any():
         raise InputError(f"None of the shapes {', '.join(animation.names[:4])} ... is among {', '.join(names[:4])} ...")
-    used = {name for name in wanted for name in drivers[name]}
-    column = {name: i for i, name in enumerate(animation.names)}
-    lost = [name for name, i in column.items() if name not in used and np.any(animation.weights[:, i])]
+    moving = np.any(animation.weights, axis=0)
+    lost = [name for i, name in enumerate(animation.names) if moving[i] and not used[i]]
     if not partial and set(lost) - set(HEAD_AND_EYES):
         name = next(name for name in lost if name not in HEAD_AND_EYES)
         raise InputError(
@@ -109,12 +108,33 @@ def in_vocabulary(animation: Animation, names: Sequence[str], *, partial: bool =
         )
     if lost:
         _log.warning("%d shapes that move find no place and are left out: %s.", len(lost), ", ".join(lost[:8]))
+    shares = shares[:, driven]
+    means = shares / shares.sum(0)
+    return replace(
+        animation,
+        weights=_mixed(animation.weights, shares),
+        names=tuple(name for name, here in zip(names, driven.tolist(), strict=True) if here),
+        confidence=None if animation.confidence is None else _mixed(animation.confidence, means),
+    )
 
-    def carried(values: np.ndarray) -> np.ndarray:
-        return np.stack([values[:, [column[d] for d in drivers[name]]].mean(1) for name in wanted], axis=1)
 
-    confidence = None if animation.confidence is None else carried(animation.confidence)
-    return Animation(
-        carried(animation.weights), tuple(wanted), animation.rate, animation.head, confidence, animation.times,
-        animation.meta,
-    )  # fmt: skip
+def _shares(names: Sequence[str], targets: Sequence[str]) -> np.ndarray:
+    """(N, M) how much of each name's weight each target gets."""
+    row, column = ({name: i for i, name in enumerate(some)} for some in (names, targets))
+    there, spelt = match(names, targets), {canonical(name): name for name in names}
+    shares = np.zeros((len(names), len(targets)))
+    for name, places in there.items():
+        shares[row[name], [column[place] for place in places]] = 1.0
+    for target in targets:
+        halves = [spelt.get(canonical(target) + side) for side in ("Left", "Right")]
+        if all(half is not None and half not in there for half in halves):
+            shares[[row[half] for half in halves if half is not None], column[target]] = 0.5
+    return shares
+
+
+def _mixed(values: np.ndarray, shares: np.ndarray) -> np.ndarray:
+    """`values @ shares` (T, M) in which NaN stays in the columns that it touches."""
+    mixed = np.zeros((len(values), shares.shape[1]))
+    for i, j in zip(*np.nonzero(shares), strict=True):
+        mixed[:, j] += shares[i, j] * values[:, i]
+    return mixed
