@@ -99,8 +99,8 @@ def in_vocabulary(animation: Animation, names: Sequence[str], *, partial: bool =
     driven, used = shares.any(0), shares.any(1)
     if not driven.any():
         raise InputError(f"None of the shapes {', '.join(animation.names[:4])} ... is among {', '.join(names[:4])} ...")
-    moving = np.any(animation.weights, axis=0)
-    lost = [name for i, name in enumerate(animation.names) if moving[i] and not used[i]]
+    moving = (animation.weights != 0).any(0)
+    lost = [animation.names[i] for i in np.flatnonzero(moving & ~used)]
     if not partial and set(lost) - set(HEAD_AND_EYES):
         name = next(name for name in lost if name not in HEAD_AND_EYES)
         raise InputError(
@@ -113,7 +113,7 @@ def in_vocabulary(animation: Animation, names: Sequence[str], *, partial: bool =
     return replace(
         animation,
         weights=_mixed(animation.weights, shares),
-        names=tuple(name for name, here in zip(names, driven.tolist(), strict=True) if here),
+        names=tuple(names[i] for i in np.flatnonzero(driven)),
         confidence=None if animation.confidence is None else _mixed(animation.confidence, means),
     )
 

@@ -105,7 +105,7 @@ def factorize(matrix: Any, backend: Backend = "auto", *, block: int = 1) -> Fact
 def has_cholmod() -> bool:
     """Whether cvxopt, which brings CHOLMOD, is installed."""
     try:
-        import cvxopt.cholmod  # noqa: F401
+        import cvxopt.cholmod  # noqa: F401  # pyright: ignore[reportMissingImports]
     except ImportError:
         return False
     return True
@@ -234,7 +234,7 @@ class _Cholmod:
     name = "cholmod"
 
     def analyse(self, matrix: Any, order: np.ndarray | None) -> None:
-        import cvxopt.cholmod
+        import cvxopt.cholmod  # pyright: ignore[reportMissingImports]
 
         column = np.repeat(np.arange(matrix.shape[1]), np.diff(matrix.indptr))
         self._lower = np.flatnonzero(matrix.indices >= column)
@@ -244,13 +244,13 @@ class _Cholmod:
         self._factor = cvxopt.cholmod.symbolic(self._held, *given)
 
     def factor(self, matrix: Any) -> None:
-        import cvxopt.cholmod
+        import cvxopt.cholmod  # pyright: ignore[reportMissingImports]
 
         self._held.V = cvxopt.matrix(matrix.data[self._lower])
         cvxopt.cholmod.numeric(self._held, self._factor)
 
     def solve(self, columns: np.ndarray) -> np.ndarray:
-        import cvxopt.cholmod
+        import cvxopt.cholmod  # pyright: ignore[reportMissingImports]
 
         answer = cvxopt.matrix(np.asfortranarray(columns))
         cvxopt.cholmod.solve(self._factor, answer)
