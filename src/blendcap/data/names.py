@@ -113,7 +113,7 @@ def in_vocabulary(animation: Animation, names: Sequence[str], *, partial: bool =
     return replace(
         animation,
         weights=_mixed(animation.weights, shares),
-        names=tuple(names[i] for i in np.flatnonzero(driven)),
+        names=tuple(names[i] for i in np.flatnonzero(driven).tolist()),
         confidence=None if animation.confidence is None else _mixed(animation.confidence, means),
     )
 
