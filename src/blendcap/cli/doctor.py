@@ -12,10 +12,10 @@ from pathlib import Path
 
 import blendcap
 
-NEEDED = ("numpy", "scipy", "numba", "ezc3d", "trimesh", "opencv-python-headless", "imageio-ffmpeg",
-          "matplotlib", "pillow", "cyclopts", "rich")  # fmt: skip
+NEEDED = ("numpy", "scipy", "scikit-learn", "numba", "ezc3d", "trimesh", "libigl", "embreex",
+          "opencv-python-headless", "imageio-ffmpeg", "matplotlib", "pillow", "cyclopts", "rich")  # fmt: skip
 COMPILING = 64  # frames: enough for every kernel to be compiled
-OPTIONAL = {"daqp": "bench", "piqp": "bench", "pytest": "dev"}
+OPTIONAL = {"cvxopt": "fast", "daqp": "bench", "piqp": "bench", "pytest": "dev"}
 
 
 def doctor() -> int:
