@@ -138,7 +138,7 @@ def _shapes_table(solution: Solution) -> str:
     for n in np.argsort(-weights.max(0), kind="stable"):
         name, curve = solution.animation.names[n], weights[:, n]
         error = solution.unseen.get(name)
-        sight = "seen" if error is None else f"unseen (±{error:.2f})"
+        sight = "seen" if error is None else f"unseen (±{error:.2f})" if error < 1 else "not at all"
         rows.append([name, f"{curve.max():.2f}", f"{curve.mean():.3f}", f"{(curve > 0.02).mean():.0%}", sight])
     return _folded("All shapes", page.table(["shape", "largest", "mean", "frames on", "by the markers"], rows))
 
