@@ -16,13 +16,12 @@ import numpy as np
 
 import blendcap
 from accuracy_data import DATA, MM, performance
-from blendcap import Animation, Binding, MarkerTake, Rig
+from blendcap import Animation, Binding, MarkerTake, Rig, SurfacePoints
 from blendcap.data.names import match
 from blendcap.makeup.lesson import Lesson
 from blendcap.makeup.patches import Patches, extract_patches
 from blendcap.makeup.setup import locate
 from blendcap.makeup.units import ARKIT_TABLE, REGIONS
-from blendcap.markers.stabilization import find_stable
 from blendcap.synthetic.exercises import TRAINED, Exercise, action_units
 from blendcap.synthetic.head_camera import film_head, mount_head_camera
 from blendcap.synthetic.makeup import draw_makeup
@@ -84,11 +83,18 @@ def film(
         return Filmed(rig, take, truth, binding, patches)
     helmet = mount_head_camera(performer.rig, seed=seed)
     shots = film_head(truth, helmet, seed=seed, makeup=draw_makeup(performer.rig, seed=seed))
-    setup = locate(rig, take, binding, helmet.cameras, [helmet.size] * len(shots), find_stable(take))
+    setup = locate(rig, take, binding, helmet.cameras, [helmet.size] * len(shots), _quietest(rig, points))
     videos = [_spoilt(view, shot.frames(), spoil) for view, shot in enumerate(shots)]
     patches = extract_patches(videos, setup.places, setup.anchors, take.rate, dots=setup.dots, dot_radius=5.3)
     np.savez_compressed(path, sure=patches.sure, **patches.images)
     return Filmed(rig, take, truth, binding, patches)
+
+
+def _quietest(rig: Rig, points: SurfacePoints, count: int = 14) -> list[str]:
+    """The markers that the rig's shapes move least: temples, forehead, bridge of the nose."""
+    _, deltas = rig.sample(points)
+    motion = np.linalg.norm(deltas, axis=2).max(0)
+    return [points.names[i] for i in np.argsort(motion)[:count]]
 
 
 def _spoilt(view: int, frames: Iterable[np.ndarray], spoil: Spoil | None):

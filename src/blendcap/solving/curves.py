@@ -32,15 +32,18 @@ class Curves:
     targets: np.ndarray
     confidence: np.ndarray
 
-    def terms(self, strength: float, size: int) -> tuple[np.ndarray, np.ndarray]:
-        """Diagonal and linear terms (T, size) in mm² of `gamma (a - ã)²` with `gamma = strength * confidence`."""
+    def terms(self, strength: float | np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
+        """Diagonal and linear terms (T, size) in mm² of `gamma (a - ã)²` with `gamma = strength * confidence`.
+
+        `strength` is one number or one a shape (N,), mm².
+        """
         diagonal = np.zeros((len(self.targets), size))
         diagonal[:, : self.targets.shape[1]] = strength * self.confidence
         linear = np.zeros_like(diagonal)
         linear[:, : self.targets.shape[1]] = -strength * self.confidence * self.targets
         return diagonal, linear
 
-    def precision(self, error: float) -> np.ndarray:
+    def precision(self, error: float | np.ndarray) -> np.ndarray:
         """(N,) one over variance of what is known of each weight, averaged over the take."""
         return self.confidence.mean(0) / error**2
 
@@ -48,9 +51,24 @@ class Curves:
         """Each frame on its own."""
         return [Curves(*pair) for pair in zip(self.targets[:, None], self.confidence[:, None], strict=True)]
 
-    def energy(self, weights: np.ndarray, strength: float) -> np.ndarray:
+    def energy(self, weights: np.ndarray, strength: float | np.ndarray) -> np.ndarray:
         """(T,) `sum_i gamma_i (a_i - ã_i)²`, mm²."""
-        return strength * (self.confidence * (weights - self.targets) ** 2).sum(1)
+        return (strength * self.confidence * (weights - self.targets) ** 2).sum(1)
+
+    def errors(self, weights: np.ndarray, variance: np.ndarray, least: float) -> np.ndarray:
+        """(N,) standard deviation of each curve, as an answer without it shows.
+
+        Parameters
+        ----------
+        weights : (T, N)
+            Of a solve that did not lean on the curves.
+        variance : (N,)
+            What that solve leaves open; so much disagreement is not the curve's fault.
+        least : float
+            What a curve errs at least.
+        """
+        apart = (self.confidence * (weights - self.targets) ** 2).sum(0) / np.maximum(self.confidence.sum(0), 1e-9)
+        return np.sqrt(np.maximum(apart - variance, least**2))
 
     def conflict(self, weights: np.ndarray) -> np.ndarray:
         """(T, N) how far the answer is from what the curve says, weight units, by its confidence."""

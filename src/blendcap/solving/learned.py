@@ -12,7 +12,15 @@ from blendcap.data import Certificate
 from blendcap.numerics.boxseq import solve_box_sequence
 from blendcap.solving.curves import CURVE_ERROR, Curves
 from blendcap.solving.noise import HELD, weight_errors
-from blendcap.solving.prior import HELMET_RIDGE, HELMET_STEP, TakePrior, learn_prior, step_weights, symmetric_prior
+from blendcap.solving.prior import (
+    HELMET_RIDGE,
+    HELMET_STEP,
+    TakePrior,
+    learn_prior,
+    posterior,
+    step_weights,
+    symmetric_prior,
+)
 from blendcap.solving.rows import MarkerRows
 
 log = logging.getLogger(__name__)
@@ -52,8 +60,9 @@ def solve_learned(
     Minimises, exactly and for all frames at once,
     `|y_t - B a_t - R u_t|² + s² a_t' C⁻¹ a_t + sum_i s² w_ti / q_i (a_ti - a_(t-1)i)²` with `0 <= a <= 1`,
     where s is the noise, C the covariance of poses, q the variance of steps and w their Student weights;
-    C, q and w are re-estimated between passes. Curves add `s² / e² c_ti (a_ti - ã_ti)²` (Eq. 4, Eq. 38) with their
-    confidence c and standard deviation e.
+    C, q and w are re-estimated between passes. Curves add `sum_i s² / e_i² c_ti (a_ti - ã_ti)²` (Eq. 4, Eq. 38) with
+    their confidence c; how far a curve errs, e_i, is told by a solve of the markers alone before. A curve that
+    contradicts well-seen markers counts little; one of a shape that no marker sees counts in full.
 
     Parameters
     ----------
@@ -72,7 +81,7 @@ def solve_learned(
     curves : Curves, optional
         What is known of the weights from elsewhere.
     curve_error : float
-        Standard deviation of a curve that is fully trusted.
+        Least standard deviation of a curve that is fully trusted.
     relinearize : callable, optional
         Takes the unknowns (T, N + K) to targets (T, M, 3) with the helmet's rotation made exact.
     progress : callable
@@ -82,12 +91,17 @@ def solve_learned(
     unknowns, factors = None, np.ones((1, len(mirror)))
     quick = np.zeros(len(mirror), dtype=bool) if quick is None else quick
     least, noise = noise, max(noise, START_NOISE)
+    told_error = np.full(len(mirror), curve_error)
+    if curves is not None:
+        progress("the markers alone")
+        told_error = _curve_errors(
+            rows, prior, noise, _coupling(rows, prior, noise, rate, smoothness), curves, curve_error
+        )
     for k in range(passes):
         progress(f"pass {k + 1} of {passes}")
         precision = _precision(prior, noise, len(rows.lower))
-        coupling = np.full((len(rows.targets), len(rows.lower)), noise**2 / (HELMET_STEP**2 * 60 / rate))
-        coupling[:, : rows.shapes] = smoothness * factors * noise**2 / prior.steps
-        strength = (noise / curve_error) ** 2
+        coupling = _coupling(rows, prior, noise, rate, smoothness * factors)
+        strength = (noise / told_error) ** 2
         diagonal, pull = (None, 0.0) if curves is None else curves.terms(strength, len(rows.lower))
         unknowns, certificate = solve_box_sequence(
             rows.gram + precision, rows.linear + pull, coupling, diagonal=diagonal, lower=rows.lower, upper=rows.upper,
@@ -100,7 +114,7 @@ def solve_learned(
         known = precision if diagonal is None else precision + np.diag(diagonal.mean(0))
         prior, freedom = learn_prior(start, weights, rows.mean_gram, prior, known, noise, rate)
         noise = max(least, _unexplained(rows, unknowns, freedom))
-        told = np.zeros(len(mirror)) if curves is None else curves.precision(curve_error)
+        told = np.zeros(len(mirror)) if curves is None else curves.precision(told_error)
         prior = prior.holding(_untold(rows, np.sqrt(noise**2 - least**2), mirror, told))
         factors = step_weights(weights, prior, mirror, quick)
         if relinearize is not None and k == passes - 2:
@@ -110,6 +124,26 @@ def solve_learned(
     if curves is not None:
         energies["curves"] = curves.energy(unknowns[:, : rows.shapes], strength)
     return LearnedAnswer(rows, unknowns, energies, certificate, prior, noise)
+
+
+def _coupling(rows: MarkerRows, prior: TakePrior, noise: float, rate: float, factors) -> np.ndarray:
+    """(T, N + K) coupling of neighbouring frames, mm²; `factors` (T, N) are those on the shapes'."""
+    coupling = np.full((len(rows.targets), len(rows.lower)), noise**2 / (HELMET_STEP**2 * 60 / rate))
+    coupling[:, : rows.shapes] = factors * noise**2 / prior.steps
+    return coupling
+
+
+def _curve_errors(
+    rows: MarkerRows, prior: TakePrior, noise: float, coupling: np.ndarray, curves: Curves, least: float
+) -> np.ndarray:
+    """(N,) how far each curve errs, told by a solve that does not know it."""
+    precision = _precision(prior, noise, len(rows.lower))
+    alone, _ = solve_box_sequence(
+        rows.gram + precision, rows.linear, coupling, lower=rows.lower, upper=rows.upper,
+        rows=rows.rows, missing=rows.missing,
+    )  # fmt: skip
+    variance = posterior(rows.mean_gram, precision, prior.steps, noise**2)[0].diagonal()
+    return curves.errors(alone[:, : rows.shapes], variance, least)
 
 
 def _untold(rows: MarkerRows, model_error: float, mirror: np.ndarray, told: np.ndarray) -> np.ndarray:

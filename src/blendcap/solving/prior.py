@@ -90,7 +90,7 @@ def learn_prior(
         Frames a second.
     """
     frames, count = weights.shape
-    open_pose, open_step, freedom = _posterior(gram, precision, current.steps, noise**2)
+    open_pose, open_step, freedom = posterior(gram, precision, current.steps, noise**2)
     # A weight that rests on its bound is known: only the frames in which it is free leave it open.
     free = (np.abs(weights) > 1e-6).mean(0)
     moment = weights.T @ weights / frames + np.sqrt(free)[:, None] * open_pose * np.sqrt(free)
@@ -123,7 +123,7 @@ def step_weights(weights: np.ndarray, prior: TakePrior, mirror: np.ndarray, quic
     return factors
 
 
-def _posterior(
+def posterior(
     gram: np.ndarray, precision: np.ndarray, steps: np.ndarray, variance: float
 ) -> tuple[np.ndarray, np.ndarray, float]:
     """Posterior covariance of a frame's weights (N, N), variance of their steps (N,), and the fit's degrees of freedom.
