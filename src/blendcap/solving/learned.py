@@ -11,7 +11,7 @@ import numpy as np
 from blendcap.data import Certificate
 from blendcap.numerics.boxseq import solve_box_sequence
 from blendcap.solving.curves import CURVE_ERROR, Curves
-from blendcap.solving.noise import HELD, weight_errors
+from blendcap.solving.noise import HELD, VISIBLE, weight_errors
 from blendcap.solving.prior import (
     HELMET_RIDGE,
     HELMET_STEP,
@@ -136,14 +136,15 @@ def _coupling(rows: MarkerRows, prior: TakePrior, noise: float, rate: float, fac
 def _curve_errors(
     rows: MarkerRows, prior: TakePrior, noise: float, coupling: np.ndarray, curves: Curves, least: float
 ) -> np.ndarray:
-    """(N,) how far each curve errs, told by a solve that does not know it."""
+    """(N,) how far each curve errs, told by a solve that does not know it: only where the markers see the shape."""
     precision = _precision(prior, noise, len(rows.lower))
     alone, _ = solve_box_sequence(
         rows.gram + precision, rows.linear, coupling, lower=rows.lower, upper=rows.upper,
         rows=rows.rows, missing=rows.missing,
     )  # fmt: skip
     variance = posterior(rows.mean_gram, precision, prior.steps, noise**2)[0].diagonal()
-    return curves.errors(alone[:, : rows.shapes], variance, least)
+    told = curves.errors(alone[:, : rows.shapes], variance, least)
+    return np.where(weight_errors(rows, noise) < VISIBLE, told, least)
 
 
 def _untold(rows: MarkerRows, model_error: float, mirror: np.ndarray, told: np.ndarray) -> np.ndarray:
