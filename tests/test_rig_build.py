@@ -10,7 +10,8 @@ import pytest
 import blendcap
 import masks
 from blendcap.cli import main
-from blendcap.cli.rig_examples import asked_for
+from blendcap.cli.progress import Progress
+from blendcap.cli.rig_examples import asked_for, refined
 from blendcap.data import InputError, Mesh, Rig, SurfacePoints
 from blendcap.modeling.landmark_pairs import partners
 
@@ -147,3 +148,22 @@ def test_points_are_paired_by_name():
     with pytest.raises(InputError, match="write the set too, as in spots/p3"):
         partners(two, ["p3"])
     assert partners(two, ["more/p3"]).faces[0] == 0
+
+
+def test_what_is_wrong_with_an_example_is_said(tmp_path, monkeypatch, caplog):
+    """Registration and refinement are left out: what matters is that the finding of landmarks does not fail unheard."""
+    rig = Rig(flat_head(), np.zeros((1, 4, 3), np.float32), ("jawOpen",))
+    blendcap.write_mesh(tmp_path / "jawOpen.obj", rig.mesh)
+    monkeypatch.setattr("blendcap.cli.rig_build.find_pairs", lambda *_: (None, ["No landmarks were found."]))
+    ready = type("Ready", (), {"mesh": rig.mesh, "notes": ["Its normals were turned."]})
+    monkeypatch.setattr("blendcap.modeling.scan_repair.ready_scan", lambda *_: ready)
+    monkeypatch.setattr("blendcap.modeling.build.register_example", lambda *_: rig.mesh)
+    monkeypatch.setattr("blendcap.refine_rig", lambda rig, *_: rig, raising=False)
+    assert refined(rig, [tmp_path / "jawOpen.obj"], 1.0, rig, Progress(quiet=True)) is rig
+    assert "jawOpen.obj: No landmarks were found." in caplog.text
+    assert "jawOpen.obj: Its normals were turned." in caplog.text
+
+
+def flat_head() -> Mesh:
+    """Two triangles the size of a head."""
+    return Mesh(np.array([[0.0, 0, 0], [150, 0, 0], [150, 200, 0], [0, 200, 0]]), np.array([[0, 1, 2], [0, 2, 3]]))

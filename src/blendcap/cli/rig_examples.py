@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,6 +13,8 @@ if TYPE_CHECKING:
     import numpy as np
 
     from blendcap.data import Rig
+
+log = logging.getLogger(__name__)
 
 SCANS = (".obj", ".ply", ".stl", ".glb", ".gltf")
 
@@ -38,9 +41,12 @@ def refined(rig: Rig, files: list[Path], unit_mm: float, template: Rig, progress
         for number, file in enumerate(files):
             tell(file.name)
             raw = read_mesh(file, "mm")
-            pairs, _ = find_pairs(raw, template)
+            pairs, notes = find_pairs(raw, template)
+            ready = ready_scan(raw, unit_mm)
+            for note in (*notes, *ready.notes):
+                log.warning("%s: %s", file.name, note)
             scaled = None if pairs is None else (pairs[0], unit_mm * pairs[1])
-            meshes.append(register_example(rig, ready_scan(raw, unit_mm).mesh, scaled))
+            meshes.append(register_example(rig, ready.mesh, scaled))
             tell(number + 1)
     with progress.step("refine", "Refine the shapes by the examples"):
         return blendcap.refine_rig(rig, meshes, asked_for(rig, files))
