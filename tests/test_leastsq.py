@@ -106,7 +106,7 @@ def test_a_near_matrix_is_solved_with_the_old_factor_or_a_new_one(backend, chang
     other[:changed] *= 1e-3 if changed < 144 else rng.uniform(0, 1e6, 144)
     matrix, rhs = system(other)
     np.testing.assert_allclose(factor.solve_near(matrix, rhs, start), np.linalg.solve(matrix.toarray(), rhs), atol=1e-7)
-    assert factor.residual < 1e-10
+    assert factor.residual < 1e-8
 
 
 def test_another_pattern_is_analysed_anew(backend):

@@ -19,7 +19,7 @@ from blendcap.data.errors import InputError
 
 Backend = Literal["auto", "cholmod", "splu"]
 REFINED = 1e-12  # relative residual above which an answer is refined once
-NEAR, ROUNDS = 1e-10, 25  # conjugate gradients: the residual to reach, of the right-hand side; the most rounds
+NEAR, ROUNDS = 1e-8, 25  # conjugate gradients: the residual to reach, of the right-hand side; the most rounds
 LOST = 1e-3  # a factor that misses a known answer by this much is of a singular matrix
 
 
@@ -130,6 +130,10 @@ class Factor:
 
     def update(self, matrix: Any) -> None:
         """Factor another matrix; where its pattern is that of the last one, the analysis of the pattern is kept."""
+        self._renew(matrix)
+        self._probe()
+
+    def _renew(self, matrix: Any) -> None:
         self._matrix = sparse.csc_matrix(matrix)
         self._matrix.sort_indices()
         self._size = len(self._matrix.indptr) - 1
@@ -138,12 +142,11 @@ class Factor:
             raise InputError("The least-squares system holds a NaN or an infinite number; look for it in the inputs.")
         if not _same(self._pattern, self._matrix):
             self._pattern = (self._matrix.indptr, self._matrix.indices)
-            self._solver.analyse(self._matrix, _order(self._matrix, self._block))
+            self._solver.analyse(self._matrix, _order(self._matrix, self._block), self._block)
         try:
             self._solver.factor(self._matrix)
         except (ArithmeticError, RuntimeError):
             raise InputError(_singular("some unknowns")) from None
-        self._probe()
 
     def solve(self, rhs: ArrayLike) -> np.ndarray:
         """x (n, k) or (n,) with `H x = rhs`."""
@@ -163,12 +166,12 @@ class Factor:
         """x (n, k) for another matrix of the same pattern, not far from the factored one.
 
         With CHOLMOD, where factoring is cheap, the factor is renewed. SuperLU's stays, as the preconditioner of
-        conjugate gradients from `start`; it is renewed where they do not reach a residual of 1e-10 in 25 rounds.
+        conjugate gradients from `start`; it is renewed where they do not reach a residual of 1e-8 in 25 rounds.
         """
         matrix = sparse.csc_matrix(matrix)
         answer = None if self.backend == "cholmod" else self._conjugate(matrix, rhs, start)
         if answer is None:
-            self.update(matrix)
+            self._renew(matrix)  # near a matrix that has been proven, it needs no proof of its own
             return self.solve(rhs)
         norm = float(np.max(np.asarray(abs(matrix).sum(0)), initial=0.0))
         self.residual = _relative(norm, rhs - matrix @ answer, answer, rhs)
@@ -233,7 +236,7 @@ class _Cholmod:
 
     name = "cholmod"
 
-    def analyse(self, matrix: Any, order: np.ndarray | None) -> None:
+    def analyse(self, matrix: Any, order: np.ndarray | None, block: int) -> None:
         import cvxopt.cholmod  # pyright: ignore[reportMissingImports]
 
         column = np.repeat(np.arange(matrix.shape[1]), np.diff(matrix.indptr))
@@ -258,18 +261,24 @@ class _Cholmod:
 
 
 class _Splu:
-    """SuperLU that trusts the diagonal."""
+    """SuperLU that trusts the diagonal.
+
+    Its subtrees are not joined to dense ones beyond a block (`relax`): it takes any consecutive columns for a subtree,
+    which is only so in another mode, and would fill in zeros.
+    """
 
     name = "splu"
+    _lu: Any = None
 
-    def analyse(self, matrix: Any, order: np.ndarray | None) -> None:
-        self._order = order
+    def analyse(self, matrix: Any, order: np.ndarray | None, block: int) -> None:
+        self._order, self._block = order, block
 
     def factor(self, matrix: Any) -> None:
+        self._lu = None  # the old factor's memory goes to the new one
         if self._order is None:
-            self._lu = _splu(matrix, "MMD_AT_PLUS_A")
+            self._lu = _splu(matrix, "MMD_AT_PLUS_A", self._block)
         else:
-            self._lu = _splu(sparse.csc_matrix(matrix[self._order][:, self._order]), "NATURAL")
+            self._lu = _splu(sparse.csc_matrix(matrix[self._order][:, self._order]), "NATURAL", self._block)
 
     def solve(self, columns: np.ndarray) -> np.ndarray:
         if self._order is None:
@@ -279,8 +288,8 @@ class _Splu:
         return answer
 
 
-def _splu(matrix: Any, order: str):
-    return splu(matrix, permc_spec=order, diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+def _splu(matrix: Any, order: str, block: int = 1):
+    return splu(matrix, permc_spec=order, diag_pivot_thresh=0.0, relax=block, options={"SymmetricMode": True})
 
 
 def _same(pattern: tuple[np.ndarray, np.ndarray] | None, matrix: Any) -> bool:
