@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from blendcap.data.checks import ANY, array
 from blendcap.data.errors import InputError
-from blendcap.numerics._gradient import worst_apart, worst_residuals
+from blendcap.numerics._gradient import spans, worst_apart, worst_residuals
 
 MAX_UNKNOWNS = 320
 FLOOR = 1e-12  # of the largest diagonal element: the least curvature that an unknown is given
@@ -33,12 +34,19 @@ class BoxProblem:
     rows: np.ndarray
     missing: np.ndarray
 
-    @property
+    @cached_property
+    def span(self) -> tuple[np.ndarray, np.ndarray]:
+        """(N,) the least and the largest of what the frames add to the diagonal."""
+        count = blocks(len(self.diagonal))
+        least, most = np.full((count, len(self.gram)), np.inf), np.full((count, len(self.gram)), -np.inf)
+        spans(frozen(self.diagonal), least, most)
+        least, most = least.min(0), most.max(0)
+        return np.where(least <= most, least, 0.0), np.where(least <= most, most, 0.0)
+
+    @cached_property
     def curvature(self) -> np.ndarray:
         """(N,) the diagonal of the Gram matrix and of what every frame adds to it, at least FLOOR of the largest."""
-        with np.errstate(invalid="ignore"):
-            least = np.fmin.reduce(self.diagonal, axis=0, initial=np.inf)
-        curvature = np.diag(self.gram) + np.where(np.isfinite(least), least, 0.0)
+        curvature = np.diag(self.gram) + self.span[0]
         return np.maximum(curvature, FLOOR * max(curvature.max(), np.finfo(float).tiny / FLOOR))
 
     def of_frames(self, chosen: np.ndarray) -> BoxProblem:
@@ -56,7 +64,7 @@ class BoxProblem:
         gram[:m, :m] = self.gram
         rows = np.zeros((*self.rows.shape[:2], gram.shape[1]))
         rows[..., :m] = self.rows
-        return gram, _frozen(self.linear), _frozen(self.diagonal), self.lower, self.upper, rows, _frozen(self.missing)
+        return gram, frozen(self.linear), frozen(self.diagonal), self.lower, self.upper, rows, frozen(self.missing)
 
 
 def box_problem(gram, linear, diagonal, lower, upper, rows, missing) -> BoxProblem:
@@ -121,7 +129,8 @@ def _bound(values: ArrayLike, n: int, what: str) -> np.ndarray:
     return result
 
 
-def _frozen(values: np.ndarray) -> np.ndarray:
+def frozen(values: np.ndarray) -> np.ndarray:
+    """A view that cannot be written to: kernels are compiled once, for what a caller may own."""
     view = values.view()
     view.flags.writeable = False
     return view

@@ -171,3 +171,24 @@ def square_rows(w, n, v):
                 r[S + j] += c10 * b0 + c11 * b1 + c12 * b2 + c13 * b3
                 r[2 * S + j] += c20 * b0 + c21 * b1 + c22 * b2 + c23 * b3
                 r[3 * S + j] += c30 * b0 + c31 * b1 + c32 * b2 + c33 * b3
+
+
+@njit(error_model="numpy", cache=True)
+def inverse(matrix):
+    """The inverse of a positive definite matrix with a diagonal of about one."""
+    m = len(matrix)
+    n = (m + 3) & -4
+    a, w, v = np.zeros((n + 8) * STRIDE), np.zeros((n + 8) * STRIDE), np.zeros((n + 8) * STRIDE)
+    for i in range(n):
+        a[i * STRIDE + i] = 1.0
+    for i in range(m):
+        for j in range(i, m):
+            a[i * STRIDE + j] = matrix[i, j]
+    factor(a, n, (n + 8) & -8, np.ones(n))
+    invert_factor(a, n, w)
+    square_rows(w, n, v)
+    result = np.empty((m, m))
+    for i in range(m):
+        for j in range(i, m):
+            result[i, j] = result[j, i] = v[i * STRIDE + j]
+    return result

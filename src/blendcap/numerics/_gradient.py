@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit, prange
 
 from blendcap.numerics._cholesky import FAST
-from blendcap.numerics._lanes import WIDTH, bring, fill, lane_columns, load, some, spread, store, where_less
+from blendcap.numerics._lanes import WIDTH, bring, fill, lane_index, load, some, spread, store, where_less
 from blendcap.numerics._products import add_products, aligned, panels
 
 
@@ -49,17 +49,22 @@ def worst_residuals(box, coupling, curvature, x, worst, blocks):
 @njit(parallel=True, error_model="numpy", cache=True)
 def worst_apart(box, curvature, x, worst, blocks):
     """`worst_residuals` of frames that do not touch and see all markers, eight at once."""
-    frames, width = len(x), box[0].shape[1]
-    columns = panels(box[0])
+    frames, columns = len(x), panels(box[0])
     for b in prange(blocks):
-        vectors = aligned(WIDTH * width), aligned(WIDTH * width), aligned(WIDTH * width), np.zeros(width, np.int64)
-        index = np.zeros(WIDTH, np.int64), lane_columns(width)
-        result = aligned(WIDTH)
-        end = (b + 1) * frames // blocks
-        for first in range(b * frames // blocks, end, WIDTH):
-            worst_eight(box, columns, curvature, x, first, end, vectors, index, result)
-            for k in range(min(WIDTH, end - first)):
-                worst[first + k] = result[k] if np.isfinite(result[k]) else np.inf
+        worst_run(box, columns, curvature, x, worst, b * frames // blocks, (b + 1) * frames // blocks)
+
+
+@njit(error_model="numpy", cache=True)
+def worst_run(box, columns, curvature, x, worst, begin, end):
+    """The residuals of the frames from begin to end. `columns` holds the panels of the Gram matrix."""
+    width = box[0].shape[1]
+    vectors = aligned(WIDTH * width), aligned(WIDTH * width), aligned(WIDTH * width), np.zeros(width, np.int64)
+    index = np.zeros(WIDTH, np.int64), lane_index(width)
+    result = aligned(WIDTH)
+    for first in range(begin, end, WIDTH):
+        worst_eight(box, columns, curvature, x, first, end, vectors, index, result)
+        for k in range(min(WIDTH, end - first)):
+            worst[first + k] = result[k] if np.isfinite(result[k]) else np.inf
 
 
 @njit(error_model="numpy", cache=True)
@@ -130,3 +135,17 @@ def slope(box, coupling, x, t, h):
         for i in range(m):
             if c[i] > 0:
                 h[i] += c[i] * (a[i] - other[i])
+
+
+@njit(parallel=True, error_model="numpy", cache=True)
+def spans(values, least, most):
+    """The least and the largest finite value of every column, for each of as many runs of rows as `least` has."""
+    rows, count = len(values), len(least)
+    for b in prange(count):
+        low, high = least[b], most[b]
+        for t in range(b * rows // count, (b + 1) * rows // count):
+            row = values[t]
+            for i in range(row.size):
+                known = row[i] - row[i] == 0
+                low[i] = row[i] if known and row[i] < low[i] else low[i]
+                high[i] = row[i] if known and row[i] > high[i] else high[i]

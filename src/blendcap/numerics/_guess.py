@@ -6,13 +6,25 @@ import numpy as np
 from numba import njit, prange
 
 from blendcap.numerics._boxproblem import BoxProblem, blocks
-from blendcap.numerics._lanes import WIDE, fill, load, spread, store, where_less
+from blendcap.numerics._cholesky import inverse
+from blendcap.numerics._lanes import (
+    WIDE,
+    WIDTH,
+    bring,
+    fill,
+    lane_index,
+    load,
+    spread,
+    store,
+    store_singles,
+    where_less,
+)
+from blendcap.numerics._products import add_products, aligned, panels
 
 STEPS = 12
 MANY = 256  # frames that a run should have at least, to fill the lanes
 PENALTY, POWER = 0.7, 0.6
-RELAXATION = np.float32(1.9)
-LESS = np.float32(1) - RELAXATION
+RELAXATION = 1.9
 
 
 @njit(error_model="numpy", cache=True)
@@ -24,45 +36,63 @@ def aligned_singles(count):
 
 
 @njit(parallel=True, error_model="numpy", cache=True)
-def guess_all(unbound, diagonal, matrix, single, states, steps, count):
-    """Over-relaxed ADMM, thirty-two frames at a time. `unbound` is minus their regularised answers without bounds."""
-    frames = len(unbound)
-    size = WIDE * 8 * len(matrix)
+def guess_all(linear, diagonal, guess, states, count):
+    """Guess the states of all frames, run by run."""
+    frames = len(linear)
     for b in prange(count):
-        c, r, x, u = aligned_singles(size), aligned_singles(size), aligned_singles(size), aligned_singles(size)
-        w, v = aligned_singles(size), aligned_singles(size)
-        end = (b + 1) * frames // count
-        for first in range(b * frames // count, end, WIDE):
-            begin(unbound, diagonal, single, first, end, (c, r, x, u, w))
-            for _ in range(steps // 2):
-                step(matrix, single, (c, r, x, u), w, v)
-                step(matrix, single, (c, r, x, u), v, w)
-            finish(single, x, states, first, min(first + WIDE, end))
+        first, last = b * frames // count, (b + 1) * frames // count
+        d = diagonal[first:last] if len(diagonal) > 1 else diagonal
+        guess_run(linear[first:last], d, guess, states[first:last])
 
 
 @njit(error_model="numpy", cache=True)
-def begin(unbound, diagonal, single, first, end, vectors):
-    """Bring thirty-two frames into the lanes; begin with the unbound answer, clipped."""
-    most, lower, upper = single
-    c, r, x, u, w = vectors
-    m = unbound.shape[1]
-    for k in range(WIDE):
-        t = min(first + k, end - 1)
-        f, d = unbound[t], diagonal[t if len(diagonal) > 1 else 0]
+def guess_run(linear, diagonal, guess, states):
+    """Over-relaxed ADMM, thirty-two frames at a time.
+
+    With p the product of `matrix`, the relaxed inverse, with w, and c the relaxed answer without bounds, a step of it
+    is `h <- h + p - c - relaxation z`, where z is h clipped, and `w <- r (2 z - h)`.
+    """
+    inverse, matrix, most, lower, upper = guess
+    frames, m = linear.shape
+    size = WIDE * 8 * len(matrix)
+    c, r, h = aligned_singles(size), aligned_singles(size), aligned_singles(size)
+    w, v = aligned_singles(size), aligned_singles(size)
+    eight = aligned(WIDTH * 8 * len(matrix)), aligned(WIDTH * 8 * len(matrix))
+    index = np.zeros(WIDTH, np.int64), lane_index(m), np.arange(m)
+    for first in range(0, frames, WIDE):
+        for k in range(0, WIDE, WIDTH):
+            begin(linear, diagonal, inverse, most, first, k, (c, r), eight, index)
         for i in range(m):
-            c[WIDE * i + k] = f[i]
-        if len(diagonal) > 1:
+            o = WIDE * i
+            z = clip(fill(np.float32(-1 / RELAXATION)) * load(c, o), spread(lower, i), spread(upper, i))
+            store(h, o, z)
+            store(w, o, load(r, o) * z)
+        for _ in range(STEPS // 2):
+            step(matrix, lower, upper, (c, r, h), w, v)
+            step(matrix, lower, upper, (c, r, h), v, w)
+        for k in range(min(WIDE, frames - first)):
+            state = states[first + k]
             for i in range(m):
-                r[WIDE * i + k] = most[i] - d[i]
+                z = h[WIDE * i + k]
+                state[i] = np.int8(z > lower[i]) + np.int8(z >= upper[i])
+
+
+@njit(error_model="numpy", cache=True)
+def begin(linear, diagonal, inverse, most, first, k, vectors, eight, index):
+    """Eight frames: their regularised answers without bounds, in double precision, and penalties; kept as singles."""
+    c, r = vectors
+    q, u = eight
+    rows, columns, every = index
+    frames, m = linear.shape
+    for t in range(WIDTH):
+        rows[t] = m * min(first + k + t, frames - 1)
+    bring(linear, rows, columns, q)
+    u[:] = 0.0
+    add_products(inverse, every, q, u)
+    bring(diagonal, rows, columns, q)
     for i in range(m):
-        o = WIDE * i
-        if len(diagonal) == 1:
-            store(r, o, fill(np.float32(most[i] - diagonal[0, i])))
-        value = fill(np.float32(0)) - load(c, o)
-        value = clip(value, spread(lower, i), spread(upper, i))
-        store(x, o, value)
-        store(u, o, fill(np.float32(0)))
-        store(w, o, load(r, o) * value)
+        store_singles(c, WIDE * i + k, fill(RELAXATION) * load(u, WIDTH * i))
+        store_singles(r, WIDE * i + k, spread(most, i) - load(q, WIDTH * i))
 
 
 @njit(error_model="numpy", inline="always")
@@ -72,9 +102,8 @@ def clip(value, low, high):
 
 
 @njit(error_model="numpy", cache=True)
-def step(matrix, single, vectors, w, v):
+def step(matrix, lower, upper, vectors, w, v):
     """One step of all unknowns, eight at a time: from w to the v of the next step."""
-    _, lower, upper = single
     passes, m, _ = matrix.shape
     flat = matrix.ravel()
     zero = fill(np.float32(0))
@@ -102,28 +131,21 @@ def step(matrix, single, vectors, w, v):
 
 @njit(error_model="numpy", inline="always")
 def relax(vectors, lower, upper, i, product, v):
-    """Over-relax and clip one unknown."""
-    c, r, x, u = vectors
+    """The new h and v of one unknown."""
+    c, r, h = vectors
     o = WIDE * i
-    h = fill(RELAXATION) * (product - load(c, o)) + fill(LESS) * load(x, o) + load(u, o)
-    z = clip(h, spread(lower, i), spread(upper, i))
-    store(x, o, z)
-    store(u, o, h - z)
-    store(v, o, load(r, o) * (z + z - h))
+    low, high, old = spread(lower, i), spread(upper, i), load(h, o)
+    new = old + (product - load(c, o)) - fill(np.float32(RELAXATION)) * clip(old, low, high)
+    z = clip(new, low, high)
+    store(h, o, new)
+    store(v, o, load(r, o) * (z + z - new))
 
 
-@njit(error_model="numpy", cache=True)
-def finish(single, x, states, first, last):
-    """The states of the frames from first to last."""
-    _, lower, upper = single
-    for k in range(last - first):
-        for i in range(states.shape[1]):
-            z = x[WIDE * i + k]
-            states[first + k, i] = np.int8(z > lower[i]) + np.int8(z >= upper[i])
+NO_GUESS = np.zeros((0, 0, 8)), np.zeros((0, 0, 8), np.float32), np.zeros(0), *np.zeros((2, 0), np.float32)
 
 
 class Guesser:
-    """Guesses for the frames of one scaled problem.
+    """Guesses for the frames of one scaled problem, whose diagonals lie between `least` and `most`.
 
     The penalty of an unknown is a power of its curvature once the others may follow, `1 / (G^-1)_ii`: that puts
     near-collinear unknowns on the scale of what tells them apart, and needs a third of the steps of a constant. It is
@@ -131,23 +153,23 @@ class Guesser:
     to agree which of them is free. A frame's own diagonal is absorbed in its penalty: all frames share one inverse.
     """
 
-    def __init__(self, problem: BoxProblem):
-        gram, diagonal = problem.gram, problem.diagonal
+    def __init__(self, gram: np.ndarray, span: tuple[np.ndarray, np.ndarray], lower: np.ndarray, upper: np.ndarray):
         n, ridge = len(gram), 1e-10  # a singular matrix must not stop a guess
-        least = gram + np.diag(diagonal.min(0) + ridge)
+        least = gram + np.diag(span[0] + ridge)
         scale = np.sqrt(np.diag(least))
         alike = np.abs(least / np.outer(scale, scale)) - np.eye(n)
-        penalty = np.minimum(PENALTY / np.diag(np.linalg.inv(least)) ** POWER, scale**2 * (1 - alike.max(1) ** 2))
-        most = diagonal.max(0) + ridge + penalty
-        self.inverse = np.linalg.inv(gram + np.diag(most))
-        width = (n + 7) & -8
-        self.matrix = aligned_singles(width * n).reshape(width // 8, n, 8)  # what a pass of `step` reads lies together
-        self.matrix[:] = np.pad(self.inverse, ((0, 0), (0, width - n))).reshape(n, width // 8, 8).swapaxes(0, 1)
-        self.single = tuple(np.pad(v, (0, width - n)).astype(np.float32) for v in (most, problem.lower, problem.upper))
+        penalty = np.minimum(PENALTY / np.diag(inverse(least)) ** POWER, scale**2 * (1 - alike.max(1) ** 2))
+        most = span[1] + ridge + penalty
+        whole = np.zeros((n, (n + 7) & -8))  # rows as long as whole passes of `step`
+        whole[:, :n] = inverse(gram + np.diag(most))
+        columns = panels(whole)
+        singles = aligned_singles(columns.size).reshape(columns.shape)
+        singles[:] = RELAXATION * columns
+        bounds = [np.pad(bound, (0, whole.shape[1] - n)).astype(np.float32) for bound in (lower, upper)]
+        self.arrays = columns, singles, most, *bounds
 
     def states(self, problem: BoxProblem) -> np.ndarray:
         """(T, N) int8 guessed states of all frames of the problem, or of some of them."""
         states = np.empty(problem.linear.shape, np.int8)
-        count = blocks(len(states), MANY)
-        guess_all(problem.linear @ self.inverse, problem.diagonal, self.matrix, self.single, states, STEPS, count)
+        guess_all(problem.linear, problem.diagonal, self.arrays, states, blocks(len(states), MANY))
         return states

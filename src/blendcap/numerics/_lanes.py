@@ -51,6 +51,16 @@ def _address(context, builder, kind, array, offset):
     return builder.gep(context.make_array(kind)(context, builder, array).data, [offset])
 
 
+def _read(builder, vector, address, align):
+    value = builder.load(builder.bitcast(address, vector.as_pointer()))
+    value.align = align
+    return value
+
+
+def _write(builder, value, address, align):
+    builder.store(value, builder.bitcast(address, value.type.as_pointer())).align = align
+
+
 def _splat(builder, vector, scalar):
     one = builder.insert_element(ir.Constant(vector, ir.Undefined), scalar, ir.Constant(ir.IntType(32), 0))
     zeros = ir.Constant(ir.VectorType(ir.IntType(32), vector.count), [0] * vector.count)
@@ -64,9 +74,7 @@ def load(_, array, offset):
 
     def generate(context, builder, signature, args):
         address = _address(context, builder, array, args[0], args[1])
-        value = builder.load(builder.bitcast(address, _vector(lanes).as_pointer()))
-        value.align = array.dtype.bitwidth // 8
-        return value
+        return _read(builder, _vector(lanes), address, array.dtype.bitwidth // 8)
 
     return lanes(array, types.int64), generate
 
@@ -78,11 +86,22 @@ def store(_, array, offset, value):
 
     def generate(context, builder, signature, args):
         address = _address(context, builder, array, args[0], args[1])
-        written = builder.store(args[2], builder.bitcast(address, _vector(lanes).as_pointer()))
-        written.align = array.dtype.bitwidth // 8
+        _write(builder, args[2], address, array.dtype.bitwidth // 8)
         return context.get_dummy_value()
 
     return types.void(array, types.int64, lanes), generate
+
+
+@intrinsic
+def store_singles(_, array, offset, value):
+    """Write eight doubles as singles at an offset of a flat array."""
+
+    def generate(context, builder, signature, args):
+        narrow = builder.fptrunc(args[2], ir.VectorType(ir.FloatType(), WIDTH))
+        _write(builder, narrow, _address(context, builder, array, args[0], args[1]), 4)
+        return context.get_dummy_value()
+
+    return types.void(array, types.int64, DOUBLES), generate
 
 
 @intrinsic
@@ -105,8 +124,7 @@ def gather(_, array, rows, row, columns, column):
         offsets = ir.VectorType(ir.IntType(64), lanes.count)
         at = []
         for index, first in ((rows, args[1:3]), (columns, args[3:5])):
-            at.append(builder.load(builder.bitcast(_address(context, builder, index, *first), offsets.as_pointer())))
-            at[-1].align = 8
+            at.append(_read(builder, offsets, _address(context, builder, index, *first), 8))
         size = ir.Constant(offsets, [array.dtype.bitwidth // 8] * lanes.count)
         data = context.make_array(array)(context, builder, args[0]).data
         start = _splat(builder, offsets, builder.ptrtoint(data, offsets.element))
@@ -152,6 +170,20 @@ def some(_, value):
 
 
 @intrinsic
+def rough_root(_, value):
+    """The square root of eight doubles, computed in single precision."""
+
+    def generate(context, builder, signature, args):
+        singles = ir.VectorType(ir.FloatType(), WIDTH)
+        kind, name = ir.FunctionType(singles, [singles]), f"llvm.sqrt.v{WIDTH}f32"
+        square = cgutils.get_or_insert_function(builder.module, kind, name)
+        result = builder.call(square, [builder.fptrunc(args[0], singles)])
+        return builder.fpext(result, args[0].type)
+
+    return value(value), generate
+
+
+@intrinsic
 def root(_, value):
     """The square root of every lane."""
 
@@ -162,6 +194,39 @@ def root(_, value):
         return builder.call(function, args)
 
     return value(value), generate
+
+
+@intrinsic
+def turn(_, source, froms, first, target, tos, second):
+    """Read eight vectors, the k-th at froms[k] + first, and write them, turned, the k-th at tos[k] + second."""
+
+    def generate(context, builder, signature, args):
+        eights = ir.VectorType(ir.DoubleType(), WIDTH)
+
+        def place(array, index, offset, k):
+            number = ir.Constant(ir.IntType(64), k)
+            start = builder.load(_address(context, builder, *index, number))
+            return _address(context, builder, *array, builder.add(start, offset))
+
+        values = [_read(builder, eights, place((source, args[0]), (froms, args[1]), args[2], k), 8) for k in range(8)]
+        for step in (1, 2, 4):  # exchange halves of pairs that lie `step` apart
+            values = _exchange(builder, values, step)
+        for k, value in enumerate(values):
+            _write(builder, value, place((target, args[3]), (tos, args[4]), args[5], k), 8)
+        return context.get_dummy_value()
+
+    return types.void(source, froms, types.int64, target, tos, types.int64), generate
+
+
+def _exchange(builder, values, step):
+    result = list(values)
+    for k in range(WIDTH):
+        if not k & step:
+            low, high = values[k], values[k + step]
+            for to, shift in ((k, 0), (k + step, step)):
+                lanes = [(i & ~step) + shift + (WIDTH if i & step else 0) for i in range(WIDTH)]
+                result[to] = builder.shuffle_vector(low, high, ir.Constant(ir.VectorType(ir.IntType(32), 8), lanes))
+    return result
 
 
 def _arithmetic(python, build):
@@ -179,12 +244,15 @@ for _python, _build in (("add", "fadd"), ("sub", "fsub"), ("mul", "fmul"), ("tru
 
 
 @njit(error_model="numpy", cache=True)
-def bring(values, first, each, out):
+def bring(values, first, index, out):
     """Bring rows of a matrix into the lanes: lane k gets the one that begins at first[k], or the only one there is."""
     rows, columns = values.shape
-    flat = values.ravel()
+    flat, (each, steps) = values.ravel(), index
     if rows > 1:
-        for i in range(columns):
+        whole = columns & -8
+        for i in range(0, whole, 8):
+            turn(flat, first, i, out, steps, WIDTH * i)
+        for i in range(whole, columns):
             store(out, WIDTH * i, gather(flat, first, 0, each, WIDTH * i))
     else:
         for i in range(columns):
@@ -192,9 +260,21 @@ def bring(values, first, each, out):
 
 
 @njit(error_model="numpy", cache=True)
-def lane_columns(count):
-    """The number of every column in all lanes: the index that `bring` needs."""
+def put(lanes, index, values, first):
+    """Write what is in lane k to the row of a matrix that begins at first[k]."""
+    columns, flat, steps = values.shape[1], values.ravel(), index[1]
+    whole = columns & -8
+    for i in range(0, whole, 8):
+        turn(lanes, steps, WIDTH * i, flat, first, i)
+    for k in range(WIDTH):
+        for i in range(whole, columns):
+            flat[first[k] + i] = lanes[WIDTH * i + k]
+
+
+@njit(error_model="numpy", cache=True)
+def lane_index(count):
+    """The number of every column in all lanes, and the places of eight vectors in a row, which `bring` needs."""
     each = np.empty(WIDTH * count, np.int64)
     for o in range(each.size):
         each[o] = o // WIDTH
-    return each
+    return each, WIDTH * np.arange(WIDTH)

@@ -2,40 +2,74 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit, prange
 
-from blendcap.numerics._boxproblem import BoxProblem, blocks
+from blendcap.numerics._boxproblem import BoxProblem, blocks, frozen
 from blendcap.numerics._cholesky import FAST
+
+
+class Scaling(NamedTuple):
+    """The kept unknowns, the others being zero, and the scaled ones `a * scale`: `scale^2` is their curvature."""
+
+    kept: np.ndarray
+    scale: np.ndarray
+    curvature: np.ndarray
+    shift: np.ndarray
+
+    @property
+    def factors(self) -> tuple[np.ndarray, ...]:
+        """The kept unknowns, what their linear terms and diagonals are multiplied by, what is taken from the latter."""
+        return self.kept, 1 / self.scale, 1 / self.curvature, self.shift
+
+
+def scaling(problem: BoxProblem, kept: np.ndarray) -> Scaling:
+    """The change of the kept unknowns of a problem."""
+    gram, curvature = np.diag(problem.gram)[kept], problem.curvature[kept]
+    return Scaling(kept, np.sqrt(curvature), curvature, (curvature - gram) / curvature)
+
+
+def scaled_shell(problem: BoxProblem, change: Scaling) -> BoxProblem:
+    """The scaled problem without its frames."""
+    kept, scale, _, _ = change
+    gram = problem.gram[np.ix_(kept, kept)] / np.outer(scale, scale)
+    np.fill_diagonal(gram, 1.0)
+    none = np.zeros((0, len(kept)))
+    lower, upper = problem.lower[kept] * scale, problem.upper[kept] * scale
+    return BoxProblem(gram, none, none, lower, upper, problem.rows[..., kept] / scale, problem.missing[:0])
+
+
+def scaled_problem(problem: BoxProblem, usable: np.ndarray, kept: np.ndarray) -> tuple[BoxProblem, np.ndarray]:
+    """The problem of the kept unknowns in the unknowns `a * scale`; and that scale.
+
+    It has zeros in the frames that are not usable.
+    """
+    change = scaling(problem, kept)
+    linear = np.empty((len(problem.linear), len(kept)))
+    diagonal = np.empty((len(problem.diagonal), len(kept)))
+    rescale_all(
+        frozen(problem.linear), frozen(problem.diagonal), usable, change.factors, linear, diagonal, blocks(len(linear))
+    )
+    shell = scaled_shell(problem, change)
+    return replace(shell, linear=linear, diagonal=diagonal, missing=problem.missing), change.scale
+
+
+def scaled_span(problem: BoxProblem, change: Scaling) -> tuple[np.ndarray, np.ndarray]:
+    """The least and the largest diagonal of any frame, scaled."""
+    kept, _, curvature, shift = change
+    least, most = problem.span
+    return least[kept] / curvature - shift, most[kept] / curvature - shift
 
 
 def usable_frames(problem: BoxProblem) -> np.ndarray:
     """(T,) bool: the frames whose numbers are all finite."""
     usable = np.ones(len(problem.linear), bool)
     for values in (problem.linear, problem.diagonal):
-        mark_finite(values, usable, blocks(len(usable)))
+        mark_finite(frozen(values), usable, blocks(len(usable)))
     return usable
-
-
-def scaled_problem(problem: BoxProblem, usable: np.ndarray, kept: np.ndarray) -> tuple[BoxProblem, np.ndarray]:
-    """The problem of the kept unknowns, the others being zero, in the unknowns `a * scale`; and that scale.
-
-    It has zeros in the frames that are not usable.
-    """
-    gram, curvature = problem.gram[np.ix_(kept, kept)], problem.curvature[kept]
-    scale = np.sqrt(curvature)
-    shift = (curvature - np.diag(gram)) / curvature
-    linear = np.empty((len(problem.linear), len(kept)))
-    diagonal = np.empty((len(problem.diagonal), len(kept)))
-    count = blocks(len(linear))
-    rescale(problem.linear, usable, kept, 1 / scale, np.zeros_like(shift), linear, count)
-    rescale(
-        problem.diagonal, usable[: len(diagonal)] | (len(diagonal) == 1), kept, 1 / curvature, shift, diagonal, count
-    )
-    gram = gram / np.outer(scale, scale)
-    np.fill_diagonal(gram, 1.0)
-    lower, upper = problem.lower[kept] * scale, problem.upper[kept] * scale
-    return BoxProblem(gram, linear, diagonal, lower, upper, problem.rows[..., kept] / scale, problem.missing), scale
 
 
 @njit(parallel=True, fastmath=FAST, error_model="numpy", cache=True)
@@ -55,29 +89,42 @@ def mark_finite(values, finite, count):
 
 
 @njit(parallel=True, error_model="numpy", cache=True)
-def rescale(values, usable, kept, factor, shift, out, count):
-    """`out = values * factor - shift` of the kept columns, zero in the rows that are not usable."""
-    rows = len(values)
+def rescale_all(linear, diagonal, usable, factors, scaled, bent, count):
+    """The scaled linear terms and diagonals of all frames."""
+    frames = len(linear)
     for b in prange(count):
-        for t in range(b * rows // count, (b + 1) * rows // count):
-            row, scaled = values[t], out[t]
-            for k in range(kept.size):
-                scaled[k] = row[kept[k]] * factor[k] - shift[k] if usable[t] else 0.0
+        first, last = b * frames // count, (b + 1) * frames // count
+        rescale(
+            linear, diagonal, usable, factors, first, scaled[first:last], bent[first:last] if len(bent) > 1 else bent
+        )
 
 
-@njit(parallel=True, error_model="numpy", cache=True)
-def unscale(x, usable, kept, scale, lower, upper, weights, count):
+@njit(error_model="numpy", cache=True)
+def rescale(linear, diagonal, usable, factors, first, scaled, bent):
+    """The scaled linear terms and diagonals from the first frame on; zero in the frames that are not usable."""
+    kept, factor, bend, shift = factors
+    for t in range(len(scaled)):
+        row, out = linear[first + t], scaled[t]
+        for k in range(kept.size):
+            out[k] = row[kept[k]] * factor[k] if usable[first + t] else 0.0
+    for t in range(len(bent)):
+        each = len(diagonal) > 1
+        row, out = diagonal[first + t if each else 0], bent[t]
+        for k in range(kept.size):
+            out[k] = row[kept[k]] * bend[k] - shift[k] if usable[first + t] or not each else 0.0
+
+
+@njit(error_model="numpy", cache=True)
+def unscale(x, usable, kept, scale, lower, upper, weights):
     """The weights of all unknowns within their bounds, from the scaled ones of those that were kept.
 
     They are zero for the others, and NaN in the frames that are not usable.
     """
-    frames = len(x)
     factor = 1 / scale
-    for b in prange(count):
-        for t in range(b * frames // count, (b + 1) * frames // count):
-            row, scaled = weights[t], x[t]
-            row[:] = 0.0 if usable[t] else np.nan
-            if usable[t]:
-                for k in range(kept.size):
-                    i = kept[k]
-                    row[i] = min(upper[i], max(lower[i], scaled[k] * factor[k]))
+    for t in range(len(x)):
+        row, scaled = weights[t], x[t]
+        row[:] = 0.0 if usable[t] else np.nan
+        if usable[t]:
+            for k in range(kept.size):
+                i = kept[k]
+                row[i] = min(upper[i], max(lower[i], scaled[k] * factor[k]))

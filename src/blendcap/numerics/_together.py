@@ -7,38 +7,28 @@ those whose free block is singular, are left to the methods that do one frame at
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
 from blendcap.numerics._eight import eliminate, substitute_back
-from blendcap.numerics._lanes import WIDTH, bring, fill, gather, lane_columns, load, some, spread, store, where_less
+from blendcap.numerics._lanes import WIDTH, bring, fill, gather, lane_index, load, put, some, spread, store, where_less
 from blendcap.numerics._pivoting import FREE, SOLVED
-from blendcap.numerics._products import add_products, aligned, panels
+from blendcap.numerics._products import add_products, aligned
 
 MOST = 8  # rounds before a frame is left to them
-FEWEST = 4  # frames for which a round of eight is worth its while
-
-
-@njit(parallel=True, error_model="numpy", cache=True)
-def settle(box, states, todo, weights, rounds, blocks):
-    """Solve the frames to do from their states; those that do not end within MOST rounds stay to do."""
-    frames = len(weights)
-    columns = panels(box[0])
-    for b in prange(blocks):
-        run = b * frames // blocks, (b + 1) * frames // blocks
-        settle_run(box, columns, states, todo, weights, rounds, run)
 
 
 @njit(error_model="numpy", cache=True)
-def settle_run(box, columns, states, todo, weights, rounds, run):
-    """One run of frames: every round does eight after eight of those that are still wrong."""
-    gram, lower, upper, m = box[0], box[3], box[4], weights.shape[1]
-    mine, eight = np.flatnonzero(todo[run[0] : run[1]]) + run[0], np.empty(WIDTH, np.int64)
+def settle(box, columns, states, todo, answers, rounds):
+    """Solve the frames to do from their states, eight after eight, in rounds: each does those that are still wrong.
+
+    Those that do not end within MOST rounds stay to do. `columns` holds the panels of the Gram matrix.
+    """
+    gram, lower, upper, m = box[0], box[3], box[4], answers.shape[1]
+    mine, eight = np.flatnonzero(todo), np.empty(WIDTH, np.int64)
     vectors, free, work = workspace_eight(m, gram.shape[1])
-    index = np.zeros(WIDTH, np.int64), lane_columns(m), np.zeros(WIDTH, np.int64)
+    index = np.zeros(WIDTH, np.int64), lane_index(m), np.zeros(WIDTH, np.int64)
     count, order, starts = mine.size, np.empty(mine.size, np.int64), np.empty(m + 2, np.int64)
     for r in range(1, MOST + 1):
-        if count < FEWEST:
-            break
         left = 0
         sort(mine[:count], states, order, starts)
         for group in range(0, count, WIDTH):
@@ -47,10 +37,11 @@ def settle_run(box, columns, states, todo, weights, rounds, run):
             n = take_up(eight, box, states, vectors, free, index)
             solve(gram.ravel(), columns, lower, upper, vectors, free, n, work)
             judge_eight(lower, upper, vectors, work)
+            put(vectors[3], index[1], answers, index[0])
             for k in range(min(WIDTH, count - group)):
                 t = eight[k]
                 rounds[t] = r
-                if put_down(k, vectors, work, states[t], weights[t]):
+                if settled(k, vectors, work, states[t]):
                     todo[t] = False
                 else:
                     mine[left] = t
@@ -100,7 +91,7 @@ def take_up(eight, box, states, vectors, free, index):
     gram, linear, diagonal, _, _, _, _ = box
     q, d, s, _, _, _ = vectors
     rows, columns, spots, _ = free
-    first, each, counts = index
+    first, columns_of, counts = index
     m, most = linear.shape[1], 0
     for k in range(WIDTH):
         n, now = 0, states[eight[k]]
@@ -117,8 +108,8 @@ def take_up(eight, box, states, vectors, free, index):
     for o in range(WIDTH * most):
         rows[o] = gram.shape[1] * columns[o]
         spots[o] = WIDTH * columns[o] + o % WIDTH
-    bring(linear, first, each, q)
-    bring(diagonal, first, each, d)
+    bring(linear, first, columns_of, q)
+    bring(diagonal, first, columns_of, d)
     return most
 
 
@@ -158,15 +149,12 @@ def solve(gram, panels, lower, upper, vectors, free, n, work):
 
 
 @njit(error_model="numpy", cache=True)
-def put_down(k, vectors, work, state, weights):
-    """Keep the answer of lane k if it is the optimum, else the states that it asks for."""
-    _, _, _, x, _, following = vectors
-    verdicts = work[3]
+def settled(k, vectors, work, state):
+    """Whether the answer of lane k is the optimum; else its state becomes what the answer asks for."""
+    following, verdicts = vectors[5], work[3]
     if verdicts[k] == 0 and verdicts[WIDTH + k] == 0:
-        for i in range(weights.size):
-            weights[i] = x[WIDTH * i + k]
         return True
-    for i in range(weights.size):
+    for i in range(state.size):
         state[i] = np.int8(following[WIDTH * i + k])
     return False
 

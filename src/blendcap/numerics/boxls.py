@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
 from numpy.typing import ArrayLike
 
 from blendcap.data.checks import array
 from blendcap.data.solution import Certificate
 from blendcap.numerics._boxproblem import BoxProblem, accuracy, blocks, box_problem, residuals
-from blendcap.numerics._descent import descend
-from blendcap.numerics._guess import MANY, Guesser
-from blendcap.numerics._pivoting import FREE, LOWER, UPPER, pivot, workspace
-from blendcap.numerics._scaling import scaled_problem, unscale, usable_frames
-from blendcap.numerics._seen import seen_gram, seen_start
-from blendcap.numerics._together import settle
+from blendcap.numerics._guess import NO_GUESS, Guesser
+from blendcap.numerics._pivoting import LOWER
+from blendcap.numerics._run import solve_runs
+from blendcap.numerics._scaling import scaled_problem, scaled_shell, scaled_span, scaling, usable_frames
 
+RUN = 256  # frames that pass through all stages together: they fill the lanes and fit the cache
 LARGE = 96  # unknowns from which it pays to look for idle ones
 SAMPLE, ENOUGH = 192, 8  # frames in which idle unknowns are sought; how many times as many it takes to pay
 NEAR = 1e-3  # of the accuracy: a larger residual of an answer without the idle ones sends its frame back
@@ -62,38 +60,35 @@ def solve_box(
     """
     problem = box_problem(gram, linear, diagonal, lower, upper, rows, missing)
     start = None if start is None else array(start, problem.linear.shape, "start")
-    weights, rounds, idle = _solve(problem, start)
-    worst = residuals(problem, weights)
+    weights, rounds, worst, idle = _solve(problem, start)
     enough = accuracy(problem, weights)
     wrong = ~(worst <= NEAR * enough)
     if idle.any() and wrong.any():  # an unknown that was left out is wanted there
-        part = problem.of_frames(wrong)
-        weights[wrong], more, _ = _solve(part, weights[wrong])
-        worst[wrong] = residuals(part, weights[wrong])
+        weights[wrong], more, worst[wrong], _ = _solve(problem.of_frames(wrong), weights[wrong])
         rounds[wrong] += more
     largest = float(worst.max(initial=0.0))
     mean = float(rounds.mean()) if len(rounds) else 0.0
     return weights, Certificate(largest, mean, largest <= enough, worst)
 
 
-def _solve(problem: BoxProblem, start: np.ndarray | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(T, N) weights, NaN in frames that are not usable; the rounds of each frame; (N,) the unknowns left at zero."""
+def _solve(problem: BoxProblem, start: np.ndarray | None) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """(T, N) weights, NaN in frames that are not usable; rounds and residual of each; (N,) the unknowns left at zero."""
     usable = usable_frames(problem)
-    idle = np.zeros(len(problem.gram), bool) if start is not None else idle_unknowns(problem, usable)
-    kept = np.flatnonzero(~idle)
-    scaled, scale = scaled_problem(problem, usable, kept)
-    states = first_states(scaled, scale, start)
-    x, todo = np.empty_like(scaled.linear), usable.copy()
-    rounds = np.zeros(len(x), np.int64)
-    if states is not None and not problem.missing.shape[1]:
-        settle(scaled.arrays(), states, todo, x, rounds, blocks(len(x), MANY))
-    if todo.any():
-        given = states is not None
-        states = np.zeros((1, 1), np.int8) if states is None else states
-        _solve_all(scaled.arrays(), todo, states, given, x, rounds, blocks(len(x)))
-    weights = np.empty_like(problem.linear)
-    unscale(x, usable, kept, scale, problem.lower, problem.upper, weights, blocks(len(x)))
-    return weights, rounds, idle
+    frames, n = problem.linear.shape
+    idle = np.zeros(n, bool) if start is not None else idle_unknowns(problem, usable)
+    change = scaling(problem, np.flatnonzero(~idle))
+    shell = scaled_shell(problem, change)
+    begin, guess = np.zeros((0, n), np.int8), NO_GUESS
+    if start is not None:
+        begin = start_states(problem, start)
+    elif frames >= FEW:
+        guess = Guesser(shell.gram, scaled_span(problem, change), shell.lower, shell.upper).arrays
+    count = blocks(frames) if problem.missing.shape[1] or frames < FEW else max(1, frames // RUN)
+    answers = np.empty((frames, n)), np.zeros(frames, np.int64), np.empty(frames)
+    boxes = problem.arrays(), shell.arrays()
+    solve_runs(*boxes, change.factors, change.scale, guess, begin, usable, problem.curvature, answers, count)
+    weights, rounds, worst = answers
+    return weights, rounds, residuals(problem, weights) if problem.missing.shape[1] else worst, idle
 
 
 def idle_unknowns(problem: BoxProblem, usable: np.ndarray) -> np.ndarray:
@@ -107,44 +102,22 @@ def idle_unknowns(problem: BoxProblem, usable: np.ndarray) -> np.ndarray:
     if n < LARGE or frames < ENOUGH * SAMPLE or len(problem.diagonal) > 1 or not len(chosen):
         return np.zeros(n, bool)
     sample, _ = scaled_problem(problem.of_frames(chosen), np.ones(len(chosen), bool), np.arange(n))
-    idle = (Guesser(sample).states(sample) == LOWER).all(0) & (problem.lower == 0)
+    idle = (guesser(sample).states(sample) == LOWER).all(0) & (problem.lower == 0)
     return idle & (n / 12 < idle.sum() < n)  # a few are not worth it
 
 
-def first_states(problem: BoxProblem, scale: np.ndarray, start: np.ndarray | None) -> np.ndarray | None:
+def first_states(scaled: BoxProblem, problem: BoxProblem, start: np.ndarray | None) -> np.ndarray | None:
     """(T, N) int8 states to begin with, or None where few frames are better begun from the one before."""
     if start is not None:
-        x = start * scale
-        return (x > problem.lower).astype(np.int8) + (x >= problem.upper).astype(np.int8)
-    return Guesser(problem).states(problem) if len(problem.linear) >= FEW else None
+        return start_states(problem, start)
+    return guesser(scaled).states(scaled) if len(scaled.linear) >= FEW else None
 
 
-@njit(parallel=True, error_model="numpy", cache=True)
-def _solve_all(box, todo, states, given, weights, rounds, count):
-    """The frames to do; each begins with its given states, or with those of the frame before."""
-    frames = len(weights)
-    for b in prange(count):
-        _solve_run(box, todo, states, given, weights, rounds, b * frames // count, (b + 1) * frames // count)
+def start_states(problem: BoxProblem, start: np.ndarray) -> np.ndarray:
+    """(T, N) int8 states of the weights to start from."""
+    return (start > problem.lower).astype(np.int8) + (start >= problem.upper).astype(np.int8)
 
 
-@njit(error_model="numpy", cache=True)
-def _solve_run(box, todo, states, given, weights, rounds, first, last):
-    """The frames from first to last, one after the other."""
-    gram, linear, diagonal, lower, upper, rows, missing = box
-    m, most = lower.size, 100 + 2 * lower.size
-    work, g = workspace(m), np.zeros(gram.shape[1])
-    seen, state = seen_start(gram, missing), np.zeros(m, np.int8)
-    for t in range(first, last):
-        if not todo[t]:
-            continue
-        x, f, d = weights[t], linear[t], diagonal[t if len(diagonal) > 1 else 0]
-        for i in range(m):
-            if given:
-                state[i] = states[t, i]
-            if (state[i] == LOWER and lower[i] == -np.inf) or (state[i] == UPPER and upper[i] == np.inf):
-                state[i] = FREE
-        h = seen_gram(seen, gram, rows, missing, t)
-        more = pivot(h, d, f, lower, upper, state, x, g, work, most)
-        if more < 0:
-            more = most + abs(descend(h, d, f, lower, upper, state, x, g, work, most))
-        rounds[t] += more
+def guesser(scaled: BoxProblem) -> Guesser:
+    """Of the frames of a scaled problem."""
+    return Guesser(scaled.gram, scaled.span, scaled.lower, scaled.upper)

@@ -54,7 +54,7 @@ def solve_box_sequence(
     start = None if start is None else array(start, problem.linear.shape, "start")
     links = _links(coupling, usable, problem.linear.shape)
     scaled, scale = scaled_problem(problem, usable, np.arange(len(problem.gram)))
-    weights, steps = Sequence(scaled, links / scale**2, first_states(scaled, scale, start)).solve()
+    weights, steps = Sequence(scaled, links / scale**2, first_states(scaled, problem, start)).solve()
     log.debug("%d frames in %d Newton steps", len(weights), steps)
     weights /= scale
     np.clip(weights, problem.lower, problem.upper, out=weights)
