@@ -6,8 +6,18 @@ import numpy as np
 from numba import njit, prange
 
 from blendcap.numerics._cholesky import FAST
-from blendcap.numerics._lanes import WIDTH, bring, fill, lane_index, load, some, spread, store, where_less
-from blendcap.numerics._products import add_products, aligned, panels
+from blendcap.numerics._lanes import (
+    PAIR,
+    WIDTH,
+    bring,
+    fill_pair,
+    load_pair,
+    some,
+    spread_pair,
+    store,
+    where_less,
+)
+from blendcap.numerics._products import add_products_pair, aligned, panels
 
 
 @njit(parallel=True, error_model="numpy", cache=True)
@@ -48,7 +58,7 @@ def worst_residuals(box, coupling, curvature, x, worst, blocks):
 
 @njit(parallel=True, error_model="numpy", cache=True)
 def worst_apart(box, curvature, x, worst, blocks):
-    """`worst_residuals` of frames that do not touch and see all markers, eight at once."""
+    """`worst_residuals` of frames that do not touch and see all markers, sixteen at once."""
     frames, columns = len(x), panels(box[0])
     for b in prange(blocks):
         worst_run(box, columns, curvature, x, worst, b * frames // blocks, (b + 1) * frames // blocks)
@@ -57,44 +67,44 @@ def worst_apart(box, curvature, x, worst, blocks):
 @njit(error_model="numpy", cache=True)
 def worst_run(box, columns, curvature, x, worst, begin, end):
     """The residuals of the frames from begin to end. `columns` holds the panels of the Gram matrix."""
-    width = box[0].shape[1]
-    vectors = aligned(WIDTH * width), aligned(WIDTH * width), aligned(WIDTH * width), np.zeros(width, np.int64)
-    index = np.zeros(WIDTH, np.int64), lane_index(width)
-    result = aligned(WIDTH)
-    for first in range(begin, end, WIDTH):
-        worst_eight(box, columns, curvature, x, first, end, vectors, index, result)
-        for k in range(min(WIDTH, end - first)):
+    size = PAIR * box[0].shape[1]
+    vectors = aligned(size), aligned(size), aligned(size)
+    index = np.zeros(PAIR, np.int64), PAIR * np.arange(WIDTH), np.zeros(size, np.int64)
+    result = aligned(PAIR)
+    for first in range(begin, end, PAIR):
+        worst_pair(box, columns, curvature, x, first, end, vectors, index, result)
+        for k in range(min(PAIR, end - first)):
             worst[first + k] = result[k] if np.isfinite(result[k]) else np.inf
 
 
 @njit(error_model="numpy", cache=True)
-def worst_eight(box, columns, curvature, x, begin, end, vectors, index, result):
-    """The residuals of eight frames; not finite where a number of theirs is not."""
+def worst_pair(box, columns, curvature, x, begin, end, vectors, index, result):
+    """The residuals of sixteen frames; not finite where a number of theirs is not."""
     gram, linear, diagonal, lower, upper, _, _ = box
-    a, h, d, used = vectors
-    first, each = index
-    m = x.shape[1]
-    for k in range(WIDTH):
+    a, h, d = vectors
+    first, steps, used = index
+    m, n = x.shape[1], 0
+    for k in range(PAIR):
         first[k] = m * min(begin + k, end - 1)
-    bring(x, first, each, a)
-    bring(linear, first, each, h)
-    bring(diagonal, first, each, d)
+    bring(x, first, steps, a)
+    bring(linear, first, steps, h)
+    bring(diagonal, first, steps, d)
     for i in range(m):
-        o = WIDTH * i
-        store(h, o, load(h, o) + load(d, o) * load(a, o))
-    n = 0
-    for i in range(m):
+        o = PAIR * i
+        value = load_pair(a, o)
+        store(h, o, load_pair(h, o) + load_pair(d, o) * value)
         used[n] = i
-        n += some(load(a, WIDTH * i))
-    add_products(columns, used[:n], a, h)
+        n += some(value)
+    add_products_pair(columns, used[:n], a, h)
     flat, row = gram.ravel(), gram.shape[1] + 1
-    zero = fill(0.0)
+    zero = fill_pair(0.0)
     largest, total = zero, zero
     for i in range(m):
-        value, slope, bent = load(a, WIDTH * i), load(h, WIDTH * i), spread(flat, i * row) + load(d, WIDTH * i)
-        least = spread(curvature, i)
+        o = PAIR * i
+        value, slope, bent = load_pair(a, o), load_pair(h, o), spread_pair(flat, i * row) + load_pair(d, o)
+        least = spread_pair(curvature, i)
         moved = value - slope / where_less(bent, least, least, bent)
-        low, high = spread(lower, i), spread(upper, i)
+        low, high = spread_pair(lower, i), spread_pair(upper, i)
         moved = where_less(moved, low, low, moved)
         step = value - where_less(high, moved, high, moved)
         step = where_less(step, zero, zero - step, step)

@@ -8,18 +8,21 @@ from numba import njit, prange
 from blendcap.numerics._boxproblem import BoxProblem, blocks
 from blendcap.numerics._cholesky import inverse
 from blendcap.numerics._lanes import (
+    PAIR,
     WIDE,
     WIDTH,
     bring,
     fill,
-    lane_index,
+    fill_pair,
     load,
+    load_pair,
     spread,
+    spread_pair,
     store,
     store_singles,
     where_less,
 )
-from blendcap.numerics._products import add_products, aligned, panels
+from blendcap.numerics._products import add_products_pair, aligned, panels
 
 STEPS = 12
 MANY = 256  # frames that a run should have at least, to fill the lanes
@@ -57,11 +60,11 @@ def guess_run(linear, diagonal, guess, states):
     size = WIDE * 8 * len(matrix)
     c, r, h = aligned_singles(size), aligned_singles(size), aligned_singles(size)
     w, v = aligned_singles(size), aligned_singles(size)
-    eight = aligned(WIDTH * 8 * len(matrix)), aligned(WIDTH * 8 * len(matrix))
-    index = np.zeros(WIDTH, np.int64), lane_index(m), np.arange(m)
+    doubles = aligned(PAIR * 8 * len(matrix)), aligned(PAIR * 8 * len(matrix))
+    index = np.zeros(PAIR, np.int64), PAIR * np.arange(WIDTH), np.arange(m)
     for first in range(0, frames, WIDE):
-        for k in range(0, WIDE, WIDTH):
-            begin(linear, diagonal, inverse, most, first, k, (c, r), eight, index)
+        for k in range(0, WIDE, PAIR):
+            begin(linear, diagonal, inverse, most, first, k, (c, r), doubles, index)
         for i in range(m):
             o = WIDE * i
             z = clip(fill(np.float32(-1 / RELAXATION)) * load(c, o), spread(lower, i), spread(upper, i))
@@ -78,21 +81,21 @@ def guess_run(linear, diagonal, guess, states):
 
 
 @njit(error_model="numpy", cache=True)
-def begin(linear, diagonal, inverse, most, first, k, vectors, eight, index):
-    """Eight frames: their regularised answers without bounds, in double precision, and penalties; kept as singles."""
+def begin(linear, diagonal, inverse, most, first, k, vectors, doubles, index):
+    """Sixteen frames: their regularised answers without bounds, in double precision, and penalties; kept as singles."""
     c, r = vectors
-    q, u = eight
-    rows, columns, every = index
+    q, u = doubles
+    rows, steps, every = index
     frames, m = linear.shape
-    for t in range(WIDTH):
+    for t in range(PAIR):
         rows[t] = m * min(first + k + t, frames - 1)
-    bring(linear, rows, columns, q)
+    bring(linear, rows, steps, q)
     u[:] = 0.0
-    add_products(inverse, every, q, u)
-    bring(diagonal, rows, columns, q)
+    add_products_pair(inverse, every, q, u)
+    bring(diagonal, rows, steps, q)
     for i in range(m):
-        store_singles(c, WIDE * i + k, fill(RELAXATION) * load(u, WIDTH * i))
-        store_singles(r, WIDE * i + k, spread(most, i) - load(q, WIDTH * i))
+        store_singles(c, WIDE * i + k, fill_pair(RELAXATION) * load_pair(u, PAIR * i))
+        store_singles(r, WIDE * i + k, spread_pair(most, i) - load_pair(q, PAIR * i))
 
 
 @njit(error_model="numpy", inline="always")

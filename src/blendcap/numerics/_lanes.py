@@ -10,13 +10,13 @@ from __future__ import annotations
 import operator
 from typing import Any
 
-import numpy as np
 from llvmlite import ir
 from numba import extending, njit, types
 from numba.core import cgutils
 from numba.extending import lower_builtin, models, register_model, type_callable
 
 WIDTH = 8  # frames that advance together in double precision
+PAIR = 2 * WIDTH  # and where they only share the numbers of one matrix
 WIDE = 32  # and in single precision
 intrinsic: Any = extending.intrinsic  # callers do not pass the typing context, the first argument
 FUSE = ("contract",)  # lets LLVM fuse products and sums
@@ -30,7 +30,7 @@ class Lanes(types.Type):
         self.scalar, self.count = scalar, count
 
 
-DOUBLES, SINGLES = Lanes(types.float64, WIDTH), Lanes(types.float32, WIDE)
+DOUBLES, SINGLES, PAIRS = Lanes(types.float64, WIDTH), Lanes(types.float32, WIDE), Lanes(types.float64, PAIR)
 KINDS = {types.float64: DOUBLES, types.float32: SINGLES}
 
 
@@ -67,11 +67,7 @@ def _splat(builder, vector, scalar):
     return builder.shuffle_vector(one, ir.Constant(vector, ir.Undefined), zeros)
 
 
-@intrinsic
-def load(_, array, offset):
-    """The vector at an offset of a flat array."""
-    lanes = KINDS[array.dtype]
-
+def _loading(lanes, array):
     def generate(context, builder, signature, args):
         address = _address(context, builder, array, args[0], args[1])
         return _read(builder, _vector(lanes), address, array.dtype.bitwidth // 8)
@@ -79,40 +75,59 @@ def load(_, array, offset):
     return lanes(array, types.int64), generate
 
 
+def _spreading(lanes, array):
+    def generate(context, builder, signature, args):
+        return _splat(builder, _vector(lanes), builder.load(_address(context, builder, array, args[0], args[1])))
+
+    return lanes(array, types.int64), generate
+
+
+@intrinsic
+def load(_, array, offset):
+    """The vector at an offset of a flat array."""
+    return _loading(KINDS[array.dtype], array)
+
+
+@intrinsic
+def load_pair(_, array, offset):
+    """The sixteen doubles at an offset of a flat array."""
+    return _loading(PAIRS, array)
+
+
+@intrinsic
+def spread(_, array, offset):
+    """A number of a flat array in all lanes."""
+    return _spreading(KINDS[array.dtype], array)
+
+
+@intrinsic
+def spread_pair(_, array, offset):
+    """A double of a flat array in sixteen lanes."""
+    return _spreading(PAIRS, array)
+
+
 @intrinsic
 def store(_, array, offset, value):
     """Write a vector at an offset of a flat array."""
-    lanes = KINDS[array.dtype]
 
     def generate(context, builder, signature, args):
         address = _address(context, builder, array, args[0], args[1])
         _write(builder, args[2], address, array.dtype.bitwidth // 8)
         return context.get_dummy_value()
 
-    return types.void(array, types.int64, lanes), generate
+    return types.void(array, types.int64, value), generate
 
 
 @intrinsic
 def store_singles(_, array, offset, value):
-    """Write eight doubles as singles at an offset of a flat array."""
+    """Write doubles as singles at an offset of a flat array."""
 
     def generate(context, builder, signature, args):
-        narrow = builder.fptrunc(args[2], ir.VectorType(ir.FloatType(), WIDTH))
+        narrow = builder.fptrunc(args[2], ir.VectorType(ir.FloatType(), value.count))
         _write(builder, narrow, _address(context, builder, array, args[0], args[1]), 4)
         return context.get_dummy_value()
 
-    return types.void(array, types.int64, DOUBLES), generate
-
-
-@intrinsic
-def spread(_, array, offset):
-    """A number of a flat array in all lanes."""
-    lanes = KINDS[array.dtype]
-
-    def generate(context, builder, signature, args):
-        return _splat(builder, _vector(lanes), builder.load(_address(context, builder, array, args[0], args[1])))
-
-    return lanes(array, types.int64), generate
+    return types.void(array, types.int64, value), generate
 
 
 @intrinsic
@@ -145,6 +160,12 @@ def fill(_, number):
     """A number in all lanes."""
     lanes = KINDS[number]
     return lanes(number), lambda context, builder, signature, args: _splat(builder, _vector(lanes), args[0])
+
+
+@intrinsic
+def fill_pair(_, number):
+    """A double in sixteen lanes."""
+    return PAIRS(number), lambda context, builder, signature, args: _splat(builder, _vector(PAIRS), args[0])
 
 
 @intrinsic
@@ -244,37 +265,34 @@ for _python, _build in (("add", "fadd"), ("sub", "fsub"), ("mul", "fmul"), ("tru
 
 
 @njit(error_model="numpy", cache=True)
-def bring(values, first, index, out):
-    """Bring rows of a matrix into the lanes: lane k gets the one that begins at first[k], or the only one there is."""
+def bring(values, first, steps, out):
+    """Bring rows of a matrix into the lanes: lane k gets the one that begins at first[k], or the only one there is.
+
+    There are eight lanes, or some eights; `steps` tells where in `out` eight successive vectors begin.
+    """
     rows, columns = values.shape
-    flat, (each, steps) = values.ravel(), index
-    if rows > 1:
-        whole = columns & -8
-        for i in range(0, whole, 8):
-            turn(flat, first, i, out, steps, WIDTH * i)
-        for i in range(whole, columns):
-            store(out, WIDTH * i, gather(flat, first, 0, each, WIDTH * i))
-    else:
+    flat, lanes, whole = values.ravel(), first.size, columns & -8
+    if rows == 1:
         for i in range(columns):
-            store(out, WIDTH * i, spread(flat, i))
-
-
-@njit(error_model="numpy", cache=True)
-def put(lanes, index, values, first):
-    """Write what is in lane k to the row of a matrix that begins at first[k]."""
-    columns, flat, steps = values.shape[1], values.ravel(), index[1]
-    whole = columns & -8
-    for i in range(0, whole, 8):
-        turn(lanes, steps, WIDTH * i, flat, first, i)
-    for k in range(WIDTH):
+            for k in range(lanes):
+                out[lanes * i + k] = flat[i]
+        return
+    for s in range(0, lanes, WIDTH):
+        each = first[s : s + WIDTH]
+        for i in range(0, whole, WIDTH):
+            turn(flat, each, i, out, steps, lanes * i + s)
         for i in range(whole, columns):
-            flat[first[k] + i] = lanes[WIDTH * i + k]
+            for k in range(WIDTH):
+                out[lanes * i + s + k] = flat[each[k] + i]
 
 
 @njit(error_model="numpy", cache=True)
-def lane_index(count):
-    """The number of every column in all lanes, and the places of eight vectors in a row, which `bring` needs."""
-    each = np.empty(WIDTH * count, np.int64)
-    for o in range(each.size):
-        each[o] = o // WIDTH
-    return each, WIDTH * np.arange(WIDTH)
+def put(lanes, steps, values, first):
+    """Write what is in lane k to the row of a matrix that begins at first[k]."""
+    columns, flat = values.shape[1], values.ravel()
+    whole = columns & -8
+    for i in range(0, whole, WIDTH):
+        turn(lanes, steps, WIDTH * i, flat, first, i)
+    for i in range(whole, columns):
+        for k in range(WIDTH):
+            flat[first[k] + i] = lanes[WIDTH * i + k]

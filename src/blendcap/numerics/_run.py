@@ -16,7 +16,7 @@ from blendcap.numerics._together import settle
 
 
 @njit(parallel=True, error_model="numpy", cache=True)
-def solve_runs(box, small, factors, scale, guess, begin, usable, curvature, answers, count):
+def solve_runs(box, small, factors, scale, guess, begin, curvature, answers, count):
     """Fill `answers`: the weights of all frames, the rounds that each took, and its residual.
 
     `small` is the problem of the kept unknowns, scaled. A frame begins with its states in `begin`, or else with a
@@ -26,11 +26,11 @@ def solve_runs(box, small, factors, scale, guess, begin, usable, curvature, answ
     columns, small_columns = panels(box[0]), panels(small[0])
     for b in prange(count):
         run = b * frames // count, (b + 1) * frames // count
-        solve_run(box, small, factors, scale, guess, begin, usable, curvature, answers, (columns, small_columns), run)
+        solve_run(box, small, factors, scale, guess, begin, curvature, answers, (columns, small_columns), run)
 
 
 @njit(error_model="numpy", cache=True)
-def solve_run(box, small, factors, scale, guess, begin, usable, curvature, answers, columns, run):
+def solve_run(box, small, factors, scale, guess, begin, curvature, answers, columns, run):
     """One run of frames."""
     _, linear, diagonal, lower, upper, _, missing = box
     gram, _, _, low, high, rows, _ = small
@@ -38,8 +38,8 @@ def solve_run(box, small, factors, scale, guess, begin, usable, curvature, answe
     first, last = run
     frames, m = last - first, low.size
     f, d = np.empty((frames, m)), np.empty((frames if len(diagonal) > 1 else 1, m))
-    rescale(linear, diagonal, usable, factors, first, f, d)
-    x, todo, states = np.empty((frames, m)), usable[first:last].copy(), np.empty((frames, m), np.int8)
+    usable = rescale(linear, diagonal, factors, first, f, d)
+    x, todo, states = np.empty((frames, m)), usable.copy(), np.empty((frames, m), np.int8)
     given = True
     if len(begin):
         states[:] = begin[first:last]
@@ -51,7 +51,7 @@ def solve_run(box, small, factors, scale, guess, begin, usable, curvature, answe
     if given and not missing.shape[1]:
         settle(here, columns[1], states, todo, x, rounds[first:last])
     settle_singly(here, todo, states, given, x, rounds[first:last])
-    unscale(x, usable[first:last], factors[0], scale, lower, upper, weights[first:last])
+    unscale(x, usable, factors[0], scale, lower, upper, weights[first:last])
     if not missing.shape[1]:
         worst_run(box, columns[0], curvature, weights, worst, first, last)
 

@@ -42,7 +42,7 @@ def scaled_shell(problem: BoxProblem, change: Scaling) -> BoxProblem:
     return BoxProblem(gram, none, none, lower, upper, problem.rows[..., kept] / scale, problem.missing[:0])
 
 
-def scaled_problem(problem: BoxProblem, usable: np.ndarray, kept: np.ndarray) -> tuple[BoxProblem, np.ndarray]:
+def scaled_problem(problem: BoxProblem, kept: np.ndarray) -> tuple[BoxProblem, np.ndarray]:
     """The problem of the kept unknowns in the unknowns `a * scale`; and that scale.
 
     It has zeros in the frames that are not usable.
@@ -50,9 +50,7 @@ def scaled_problem(problem: BoxProblem, usable: np.ndarray, kept: np.ndarray) ->
     change = scaling(problem, kept)
     linear = np.empty((len(problem.linear), len(kept)))
     diagonal = np.empty((len(problem.diagonal), len(kept)))
-    rescale_all(
-        frozen(problem.linear), frozen(problem.diagonal), usable, change.factors, linear, diagonal, blocks(len(linear))
-    )
+    rescale_all(frozen(problem.linear), frozen(problem.diagonal), change.factors, linear, diagonal, blocks(len(linear)))
     shell = scaled_shell(problem, change)
     return replace(shell, linear=linear, diagonal=diagonal, missing=problem.missing), change.scale
 
@@ -66,52 +64,55 @@ def scaled_span(problem: BoxProblem, change: Scaling) -> tuple[np.ndarray, np.nd
 
 def usable_frames(problem: BoxProblem) -> np.ndarray:
     """(T,) bool: the frames whose numbers are all finite."""
-    usable = np.ones(len(problem.linear), bool)
-    for values in (problem.linear, problem.diagonal):
-        mark_finite(frozen(values), usable, blocks(len(usable)))
+    usable = np.empty(len(problem.linear), bool)
+    mark_usable(frozen(problem.linear), frozen(problem.diagonal), usable, blocks(len(usable)))
     return usable
 
 
-@njit(parallel=True, fastmath=FAST, error_model="numpy", cache=True)
-def mark_finite(values, finite, count):
-    """`finite` becomes False where a row holds a number that is not finite; a single row stands for all."""
-    rows = len(values)
+@njit(parallel=True, error_model="numpy", cache=True)
+def mark_usable(linear, diagonal, usable, count):
+    """`usable` becomes whether all numbers of a frame are finite."""
+    frames = len(linear)
     for b in prange(count):
-        for t in range(b * rows // count, (b + 1) * rows // count):
-            total, row = 0.0, values[t]
-            for i in range(row.size):
-                total += row[i] * 0.0
-            if total != 0.0:  # also where it is not a number
-                if rows > 1:
-                    finite[t] = False
-                else:
-                    finite[:] = False
+        for t in range(b * frames // count, (b + 1) * frames // count):
+            usable[t] = finite(linear[t]) and finite(diagonal[t if len(diagonal) > 1 else 0])
+
+
+@njit(fastmath=FAST, error_model="numpy", cache=True)
+def finite(row):
+    """Whether all numbers of a row are finite."""
+    total = 0.0
+    for i in range(row.size):
+        total += row[i] * 0.0
+    return total == 0.0  # not where it is not a number
 
 
 @njit(parallel=True, error_model="numpy", cache=True)
-def rescale_all(linear, diagonal, usable, factors, scaled, bent, count):
+def rescale_all(linear, diagonal, factors, scaled, bent, count):
     """The scaled linear terms and diagonals of all frames."""
     frames = len(linear)
     for b in prange(count):
         first, last = b * frames // count, (b + 1) * frames // count
-        rescale(
-            linear, diagonal, usable, factors, first, scaled[first:last], bent[first:last] if len(bent) > 1 else bent
-        )
+        d = bent[first:last] if len(bent) > 1 else bent
+        rescale(linear, diagonal, factors, first, scaled[first:last], d)
 
 
 @njit(error_model="numpy", cache=True)
-def rescale(linear, diagonal, usable, factors, first, scaled, bent):
-    """The scaled linear terms and diagonals from the first frame on; zero in the frames that are not usable."""
+def rescale(linear, diagonal, factors, first, scaled, bent):
+    """The scaled linear terms and diagonals from the first frame on; returns which are usable. The others are zero."""
     kept, factor, bend, shift = factors
+    usable = np.empty(len(scaled), np.bool_)
     for t in range(len(scaled)):
-        row, out = linear[first + t], scaled[t]
+        row, own = linear[first + t], diagonal[first + t if len(diagonal) > 1 else 0]
+        usable[t] = finite(row) and finite(own)
+        out = scaled[t]
         for k in range(kept.size):
-            out[k] = row[kept[k]] * factor[k] if usable[first + t] else 0.0
-    for t in range(len(bent)):
-        each = len(diagonal) > 1
-        row, out = diagonal[first + t if each else 0], bent[t]
-        for k in range(kept.size):
-            out[k] = row[kept[k]] * bend[k] - shift[k] if usable[first + t] or not each else 0.0
+            out[k] = row[kept[k]] * factor[k] if usable[t] else 0.0
+        if len(bent) > 1 or t == 0:
+            out = bent[t]
+            for k in range(kept.size):
+                out[k] = own[kept[k]] * bend[k] - shift[k] if usable[t] or len(bent) == 1 else 0.0
+    return usable
 
 
 @njit(error_model="numpy", cache=True)

@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 
 from blendcap.numerics._eight import eliminate, substitute_back
-from blendcap.numerics._lanes import WIDTH, bring, fill, gather, lane_index, load, put, some, spread, store, where_less
+from blendcap.numerics._lanes import WIDTH, bring, fill, gather, load, put, some, spread, store, where_less
 from blendcap.numerics._pivoting import FREE, SOLVED
 from blendcap.numerics._products import add_products, aligned
 
@@ -26,7 +26,7 @@ def settle(box, columns, states, todo, answers, rounds):
     gram, lower, upper, m = box[0], box[3], box[4], answers.shape[1]
     mine, eight = np.flatnonzero(todo), np.empty(WIDTH, np.int64)
     vectors, free, work = workspace_eight(m, gram.shape[1])
-    index = np.zeros(WIDTH, np.int64), lane_index(m), np.zeros(WIDTH, np.int64)
+    index = np.zeros(WIDTH, np.int64), WIDTH * np.arange(WIDTH), np.zeros(WIDTH, np.int64)
     count, order, starts = mine.size, np.empty(mine.size, np.int64), np.empty(m + 2, np.int64)
     for r in range(1, MOST + 1):
         left = 0
@@ -91,7 +91,7 @@ def take_up(eight, box, states, vectors, free, index):
     gram, linear, diagonal, _, _, _, _ = box
     q, d, s, _, _, _ = vectors
     rows, columns, spots, _ = free
-    first, columns_of, counts = index
+    first, steps, counts = index
     m, most = linear.shape[1], 0
     for k in range(WIDTH):
         n, now = 0, states[eight[k]]
@@ -108,8 +108,8 @@ def take_up(eight, box, states, vectors, free, index):
     for o in range(WIDTH * most):
         rows[o] = gram.shape[1] * columns[o]
         spots[o] = WIDTH * columns[o] + o % WIDTH
-    bring(linear, first, columns_of, q)
-    bring(diagonal, first, columns_of, d)
+    bring(linear, first, steps, q)
+    bring(diagonal, first, steps, d)
     return most
 
 

@@ -13,7 +13,7 @@ from blendcap.numerics._pivoting import LOWER
 from blendcap.numerics._run import solve_runs
 from blendcap.numerics._scaling import scaled_problem, scaled_shell, scaled_span, scaling, usable_frames
 
-RUN = 256  # frames that pass through all stages together: they fill the lanes and fit the cache
+RUN = 2**15  # numbers of the frames that pass through all stages together: they fill the lanes and fit the cache
 LARGE = 96  # unknowns from which it pays to look for idle ones
 SAMPLE, ENOUGH = 192, 8  # frames in which idle unknowns are sought; how many times as many it takes to pay
 NEAR = 1e-3  # of the accuracy: a larger residual of an answer without the idle ones sends its frame back
@@ -72,10 +72,9 @@ def solve_box(
 
 
 def _solve(problem: BoxProblem, start: np.ndarray | None) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """(T, N) weights, NaN in frames that are not usable; rounds and residual of each; (N,) the unknowns left at zero."""
-    usable = usable_frames(problem)
+    """(T, N) weights; the rounds and the residual of each frame; (N,) which unknowns were left at zero."""
     frames, n = problem.linear.shape
-    idle = np.zeros(n, bool) if start is not None else idle_unknowns(problem, usable)
+    idle = np.zeros(n, bool) if start is not None else idle_unknowns(problem)
     change = scaling(problem, np.flatnonzero(~idle))
     shell = scaled_shell(problem, change)
     begin, guess = np.zeros((0, n), np.int8), NO_GUESS
@@ -83,26 +82,26 @@ def _solve(problem: BoxProblem, start: np.ndarray | None) -> tuple[np.ndarray, n
         begin = start_states(problem, start)
     elif frames >= FEW:
         guess = Guesser(shell.gram, scaled_span(problem, change), shell.lower, shell.upper).arrays
-    count = blocks(frames) if problem.missing.shape[1] or frames < FEW else max(1, frames // RUN)
+    count = blocks(frames) if problem.missing.shape[1] or frames < FEW else max(1, frames * n // RUN)
     answers = np.empty((frames, n)), np.zeros(frames, np.int64), np.empty(frames)
     boxes = problem.arrays(), shell.arrays()
-    solve_runs(*boxes, change.factors, change.scale, guess, begin, usable, problem.curvature, answers, count)
+    solve_runs(*boxes, change.factors, change.scale, guess, begin, problem.curvature, answers, count)
     weights, rounds, worst = answers
     return weights, rounds, residuals(problem, weights) if problem.missing.shape[1] else worst, idle
 
 
-def idle_unknowns(problem: BoxProblem, usable: np.ndarray) -> np.ndarray:
+def idle_unknowns(problem: BoxProblem) -> np.ndarray:
     """(N,) bool: the unknowns that stay at zero, their lower bound, in the guess of every frame of a sample.
 
     A first answer does without them: a take uses few of the shapes of a large rig. Its certificate tells the frames
     where they are wanted. It does not pay for small rigs, nor where a diagonal of each frame pulls at all shapes.
     """
     frames, n = problem.linear.shape
-    chosen = np.arange(0, frames, max(1, frames // SAMPLE))[usable[:: max(1, frames // SAMPLE)]]
-    if n < LARGE or frames < ENOUGH * SAMPLE or len(problem.diagonal) > 1 or not len(chosen):
+    if n < LARGE or frames < ENOUGH * SAMPLE or len(problem.diagonal) > 1:
         return np.zeros(n, bool)
-    sample, _ = scaled_problem(problem.of_frames(chosen), np.ones(len(chosen), bool), np.arange(n))
-    idle = (guesser(sample).states(sample) == LOWER).all(0) & (problem.lower == 0)
+    part = problem.of_frames(np.arange(0, frames, frames // SAMPLE))
+    sample, _ = scaled_problem(part, np.arange(n))
+    idle = (guesser(sample).states(sample)[usable_frames(part)] == LOWER).all(0) & (problem.lower == 0)
     return idle & (n / 12 < idle.sum() < n)  # a few are not worth it
 
 

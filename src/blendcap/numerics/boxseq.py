@@ -53,7 +53,7 @@ def solve_box_sequence(
     usable = usable_frames(problem)
     start = None if start is None else array(start, problem.linear.shape, "start")
     links = _links(coupling, usable, problem.linear.shape)
-    scaled, scale = scaled_problem(problem, usable, np.arange(len(problem.gram)))
+    scaled, scale = scaled_problem(problem, np.arange(len(problem.gram)))
     weights, steps = Sequence(scaled, links / scale**2, first_states(scaled, problem, start)).solve()
     log.debug("%d frames in %d Newton steps", len(weights), steps)
     weights /= scale
