@@ -205,35 +205,21 @@ def rough_root(_, value):
 
 
 @intrinsic
-def root(_, value):
-    """The square root of every lane."""
-
-    def generate(context, builder, signature, args):
-        vector = _vector(value)
-        name = f"llvm.sqrt.v{value.count}f{value.scalar.bitwidth}"
-        function = cgutils.get_or_insert_function(builder.module, ir.FunctionType(vector, [vector]), name)
-        return builder.call(function, args)
-
-    return value(value), generate
-
-
-@intrinsic
 def turn(_, source, froms, first, target, tos, second):
     """Read eight vectors, the k-th at froms[k] + first, and write them, turned, the k-th at tos[k] + second."""
 
     def generate(context, builder, signature, args):
         eights = ir.VectorType(ir.DoubleType(), WIDTH)
 
-        def place(array, index, offset, k):
-            number = ir.Constant(ir.IntType(64), k)
-            start = builder.load(_address(context, builder, *index, number))
-            return _address(context, builder, *array, builder.add(start, offset))
+        def place(kinds, array, index, offset, k):
+            number = builder.load(_address(context, builder, kinds[1], index, ir.Constant(ir.IntType(64), k)))
+            return _address(context, builder, kinds[0], array, builder.add(number, offset))
 
-        values = [_read(builder, eights, place((source, args[0]), (froms, args[1]), args[2], k), 8) for k in range(8)]
+        values = [_read(builder, eights, place((source, froms), args[0], args[1], args[2], k), 8) for k in range(WIDTH)]
         for step in (1, 2, 4):  # exchange halves of pairs that lie `step` apart
             values = _exchange(builder, values, step)
         for k, value in enumerate(values):
-            _write(builder, value, place((target, args[3]), (tos, args[4]), args[5], k), 8)
+            _write(builder, value, place((target, tos), args[3], args[4], args[5], k), 8)
         return context.get_dummy_value()
 
     return types.void(source, froms, types.int64, target, tos, types.int64), generate
