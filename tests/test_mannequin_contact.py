@@ -14,9 +14,6 @@ from blendcap.synthetic.mannequin.shared import shared
 from blendcap.synthetic.performances import for_rig, range_of_motion, speech
 from faces import alone, depth_in_eyes, depth_in_teeth, gap, person, skin_normals, solids, weights
 
-SINGLE_GRAZE = 0.1  # mm that the lining of the mouth may dip into a molar at mouthClose in some people
-GRAZE = 0.5  # mm that acted faces may dip into teeth or eyes: the shapes of a linear rig cannot see each other
-FOLDS = 24  # quads of 8,256
 CLOSED = (
     "mouthSmile mouthFrown mouthDimple mouthStretch mouthPress mouthLeft mouthRight mouthPucker mouthRollLower "
     "mouthRollUpper mouthShrugLower mouthShrugUpper cheekPuff cheekSquint noseSneer jawForward jawLeft jawRight "
@@ -89,14 +86,14 @@ def test_the_measure_of_depth_itself():
     assert depth_in_eyes(rig, rig.mesh.vertices) < -0.2
 
 
-def _worst_of_single_shapes(identity, levels: tuple[float, ...], graze: float = 0.0) -> None:
+def _worst_of_single_shapes(identity, levels: tuple[float, ...]) -> None:
     rig = person(identity)
     for name in rig.names:
         if name.endswith("Right") and rig.names[rig.mirror[rig.index(name)]] != name and identity in PEOPLE:
             continue  # mirrors the left
         for level in levels:
             vertices = rig.pose(level * alone(rig, name))
-            assert depth_in_teeth(rig, vertices) < graze, (identity, name, level)
+            assert depth_in_teeth(rig, vertices) < 0, (identity, name, level)
             assert depth_in_eyes(rig, vertices) < 0, (identity, name, level)
 
 
@@ -105,9 +102,9 @@ def test_no_shape_goes_through_teeth_or_eyes():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("identity", ["kofi", "lars", 3, 7])
+@pytest.mark.parametrize("identity", ["kofi", "lars", "mei", 4, 7, 9, 14, 17])
 def test_no_shape_goes_through_teeth_or_eyes_on_others_nor_half_way(identity):
-    _worst_of_single_shapes(identity, (1.0, 0.5), SINGLE_GRAZE)
+    _worst_of_single_shapes(identity, (1.0, 0.5))
 
 
 def _through(identity, weights: np.ndarray) -> float:
@@ -123,7 +120,7 @@ def _acted(identity, count: int, seed: int) -> np.ndarray:
 
 
 def test_acted_faces_do_not_go_through_teeth_or_eyes():
-    assert _through(0, _acted(0, 50, seed=1)) < GRAZE
+    assert _through(0, _acted(0, 50, seed=1)) < 0
 
 
 @pytest.mark.slow
@@ -133,7 +130,7 @@ def test_500_faces_do_not_go_through_teeth_or_eyes(identity, data):
     for name in ("alexdjulin_alex_rom_3", "neurosync_Happy_Happy"):
         played = for_rig(read_animation(data(f"performances/{name}.csv")), rig).weights
         weights.append(played[rng.choice(len(played), 125, replace=False)])
-    assert _through(identity, np.concatenate(weights)) < GRAZE
+    assert _through(identity, np.concatenate(weights)) < 0
 
 
 @pytest.mark.parametrize("other", ["eyeLookDown", "eyeLookUp", "eyeSquint", "eyeWide"])
@@ -146,8 +143,8 @@ def test_a_blink_seals_whatever_the_lids_did_before(other, level):
 
 
 @pytest.mark.slow
-def test_twenty_people_seal_and_hardly_fold():
-    """Lids and lips meet to a hundredth of a millimetre; what folds is the lining in the corners of an open mouth."""
+def test_twenty_people_seal_and_never_fold():
+    """Lids and lips meet to a hundredth of a millimetre; no quad turns by more than a right angle in or into a shape."""
     for seed in range(1, 21):
         rig = person(seed)
         assert gap(rig, rig.pose(weights(rig, jawOpen=1, mouthClose=1)), "lips") < 0.01
@@ -155,5 +152,6 @@ def test_twenty_people_seal_and_hardly_fold():
             assert gap(rig, rig.pose(weights(rig, eyeBlink=1)), f"lids_{side}") < 0.01
         rest = skin_normals(rig.mesh.vertices)
         for name in rig.names:
-            turned = (skin_normals(rig.pose(alone(rig, name))) * rest).sum(1) < 0
-            assert turned.sum() <= FOLDS, (seed, name)
+            for level in (0.5, 1.0):
+                turned = (skin_normals(rig.pose(level * alone(rig, name))) * rest).sum(1) < 0
+                assert not turned.any(), (seed, name, level)

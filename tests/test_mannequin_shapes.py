@@ -105,13 +105,12 @@ def test_shapes_mirror():
 
 
 @pytest.mark.parametrize("identity", [0, "kofi", "lars", "mei"])
-def test_few_quads_turn_over(identity):
-    """Inside the corners of the mouth the lining folds as the jaw falls; more would be a torn face."""
+def test_no_quad_turns_over(identity):
     rig = person(identity)
     rest = skin_normals(rig.mesh.vertices)
     for name in rig.names:
         turned = (skin_normals(rig.pose(alone(rig, name))) * rest).sum(1) < 0
-        assert turned.sum() <= 10, name
+        assert not turned.any(), name
 
 
 def _corner(identity, shape: str) -> np.ndarray:

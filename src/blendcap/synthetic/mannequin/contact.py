@@ -1,6 +1,8 @@
-"""What the skin cannot go through: lips slide over the teeth, lids over the eyeball, and skin over the bone."""
+"""What the skin cannot go through: lips slide over the teeth, lids over the eyeball, skin over bone and into itself."""
 
 from __future__ import annotations
+
+from itertools import pairwise
 
 import igl
 import numpy as np
@@ -10,9 +12,15 @@ from blendcap.synthetic.mannequin.face import Face
 from blendcap.synthetic.mannequin.identity import GLOBE_RADIUS
 
 # How far the control points of each ring of the mouth keep off the front of the teeth, mm.
-OFF_TEETH = {"bag": 1.0, "lining": 1.8, "inner": 2.6, "seam": 3.2, "crest": 4.0, "border": 5.0}
+OFF_TEETH = {"bag": 1.5, "lining": 2.3, "inner": 3.1, "seam": 3.7, "crest": 4.5, "border": 5.5}
 
 OFF_GLOBE = {"edge": 1.3, "crease": 2.2, "sulcus": 3.0}  # and of the rings of the eye, off the eyeball, mm
+
+# Skin that is pressed together to a third of its length pushes on what lies behind it: from the lips out and in, and
+# from the chin down.
+LEAST = 0.5
+_ROWS = (("border", "around", "fold"), ("seam", "inner", "lining", "bag"))
+_BEHIND = (("M88", "neck1.0"), ("M87", "neck1.1"))
 
 # How much the skin is bound to slide along the bone below it.
 _BONY = {
@@ -60,6 +68,28 @@ def _pushed_along(face: Face, lifted: np.ndarray, closed: np.ndarray) -> np.ndar
         less = np.linalg.norm(lifted[front], axis=1) < share * np.linalg.norm(lifted[back], axis=1)
         lifted[front[less]] = share * lifted[back[less]]
     return lifted
+
+
+def pushed_on(face: Face, moved: np.ndarray, before: np.ndarray | float = 0.0) -> np.ndarray:
+    """A displacement (H, 3) of the left half that presses the skin round the mouth together, but never folds it.
+
+    Parameters
+    ----------
+    face : Face
+    moved : (H, 3) float64
+    before : (H, 3) float64, optional
+        What other shapes have done already: the drivers of a corrective.
+    """
+    rows = [[face.cage.index(ring(name, 9)) for name in names] for names in _ROWS]
+    rows += [[face.cage.index([name]) for name in names] for names in _BEHIND]
+    kept = moved.copy()
+    for row in rows:
+        for near, far in pairwise(row):
+            rest = face.points[far] - face.points[near]
+            now = rest + (before + kept)[far] - (before + kept)[near]
+            left = (now * rest).sum(1) / (rest**2).sum(1)
+            kept[far] += np.maximum(LEAST - left, 0)[:, None] * rest
+    return kept
 
 
 def over_globe(face: Face, moved: np.ndarray) -> np.ndarray:

@@ -20,6 +20,7 @@ from blendcap.synthetic.mannequin.measures import MEASURES, displacement
 
 GLOBE = np.array([31.5, 0.0, 69.5])  # the left eyeball's center, mm
 GLOBE_RADIUS = 11.8
+LINING = 1.2  # of the lining of the lids above the eyeball, mm
 
 PEOPLE: dict[str, dict[str, float]] = {
     "plain": {},
@@ -108,6 +109,13 @@ def _symmetric(measures: Mapping[str, float]) -> dict[str, float]:
     return {name: value for name, value in measures.items() if name in MEASURES}
 
 
+def _off_globe(points: np.ndarray, globe: np.ndarray) -> np.ndarray:
+    """The lining of the lids (P, 3), nowhere nearer to the eyeball than LINING."""
+    out = points - globe
+    height = np.linalg.norm(out, axis=1, keepdims=True)
+    return globe + out / height * np.maximum(height, GLOBE_RADIUS + LINING)
+
+
 def make_person(cage: Cage, measures: Mapping[str, float]) -> Person:
     """The authored points of `cage` under these measures, lids fitted to the eyeballs."""
     own = _symmetric(measures)
@@ -123,5 +131,7 @@ def make_person(cage: Cage, measures: Mapping[str, float]) -> Person:
             radius = np.linalg.norm(rest - GLOBE, axis=1, keepdims=True)
             out = moved - (GLOBE + shift)
             moved = GLOBE + shift + out * radius / np.linalg.norm(out, axis=1, keepdims=True)
+        if name == "sock":
+            moved = _off_globe(moved, GLOBE + shift)
         points[at] = moved
     return Person(points, GLOBE + shift, dict(measures))

@@ -8,7 +8,7 @@ from blendcap.synthetic.mannequin.fields import smoothstep
 from blendcap.synthetic.mannequin.look import Color
 
 IRIS_ANGLE, PUPIL_ANGLE = 0.50, 0.19  # rad
-GUM, ENAMEL, TONGUE = np.array([0.60, 0.27, 0.25]), np.array([0.93, 0.89, 0.80]), np.array([0.52, 0.19, 0.17])
+GUM, ENAMEL, TONGUE = np.array([0.60, 0.27, 0.25]), np.array([0.98, 0.86, 0.74]), np.array([0.52, 0.19, 0.17])
 
 
 def paint_eye(directions: np.ndarray, iris_color: Color) -> np.ndarray:

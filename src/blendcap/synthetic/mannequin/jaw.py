@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from blendcap.synthetic.mannequin.cage import ring
 from blendcap.synthetic.mannequin.face import Face, push
 from blendcap.synthetic.mannequin.identity import Person
 
@@ -68,7 +69,8 @@ def jaw_open(face: Face) -> np.ndarray:
 
 def jaw_stretch(face: Face) -> np.ndarray:
     """What it takes from the open jaw to the widest (action unit 27)."""
-    return jaw_opened(face, STRETCHED) - jaw_opened(face, 1.0)
+    turned_out = push(face.weights({"crest.5": 0.8}), (1, 0, -0.6)) + push(face.weights({"inner.4": 0.8}), (0.5, 0, -1))
+    return jaw_opened(face, STRETCHED) - jaw_opened(face, 1.0) + turned_out
 
 
 def jaw_forward(face: Face) -> np.ndarray:
@@ -85,6 +87,8 @@ def jaw_back(face: Face) -> np.ndarray:
 def jaw_aside(face: Face) -> np.ndarray:
     """The jaw goes to the subject's left; of the whole cage (N, 3), as it has no mirror symmetry."""
     weights = face.sealed(push(jaw_weights(face), (1, 1, 1)))[:, 0]
+    inner, seam = (face.cage.index(ring(name, 9)) for name in ("inner", "seam"))
+    weights[inner] = 0.5 * (weights[inner] + weights[seam])  # what lies behind the closed lips goes with them
     return push(face.cage.mirrored(weights, vectors=False), (SIDEWAYS, 0, 0))
 
 
@@ -99,5 +103,8 @@ def mouth_close(face: Face) -> np.ndarray:
         above, below = face.pairs(name, range(4))
         moved[above] = share * (meeting - opening[upper_seam])
         moved[below] = share * (meeting - opening[lower_seam])
+    for inner, seam in zip(face.pairs("inner", range(4)), (upper_seam, lower_seam), strict=True):
+        behind = (face.points[inner] - face.points[seam]) - (opening[inner] - opening[seam])
+        moved[inner] += 0.5 * behind  # what the jaw drew apart lies together again
     chin = face.weights(_CHIN_WITH_LIPS)
     return moved + push(chin, moved[face.cage.index(["seam.6"])[0]])

@@ -8,12 +8,16 @@ from blendcap.data import Mesh, SurfacePoints
 from blendcap.synthetic.mannequin.cage import Cage
 
 # iBUG 300-W order (Sagonas et al. 2013), from the subject's right (~) to the left; a pair is the middle of an edge.
+# Along nostrils and lips the points lie where they do in the mean of the annotated faces: at half the base of the nose,
+# and at 0.63 (outer lip) and 0.27 (inner lip) of the way from the middle of the mouth to its corner.
 _LANDMARKS = (
     "~R6 ~R7 ~R8+~S8 ~S8 ~S8+~S9 ~S9 ~S9+~M77 ~M77 M78 M77 S9+M77 S9 S8+S9 S8 R8+S8 R7 R6 "
     "~orbit.5 ~orbit.4 ~orbit.3 ~orbit.2 ~orbit.1 orbit.1 orbit.2 orbit.3 orbit.4 orbit.5 N1 N2 N3 N4 "
-    "~W3 ~nostril.4 N6 nostril.4 W3 ~margin.6 ~margin.4 ~margin.2 ~margin.0 ~margin.10 ~margin.8 "
-    "margin.0 margin.2 margin.4 margin.6 margin.8 margin.10 ~border.4 ~border.2 ~border.1 border.0 border.1 border.2 "
-    "border.4 border.6 border.7 border.8 ~border.7 ~border.6 ~seam.4 ~seam.2 seam.0 seam.2 seam.4 seam.6 seam.8 ~seam.6"
+    "~W3 ~nostril.3+~nostril.4 N6 nostril.3+nostril.4 W3 ~margin.6 ~margin.4 ~margin.2 ~margin.0 ~margin.10 ~margin.8 "
+    "margin.0 margin.2 margin.4 margin.6 margin.8 margin.10 "
+    "~border.4 ~border.2+~border.3 ~border.1 border.0 border.1 border.2+border.3 "
+    "border.4 border.5+border.6 border.7 border.8 ~border.7 ~border.5+~border.6 "
+    "~seam.4 ~seam.1 seam.0 seam.1 seam.4 seam.7 seam.8 ~seam.7"
 )
 _MIDDLE = {
     "forehead_middle": "b0", "glabella": "N0", "nose_bridge": "N1", "nose_tip": "N4", "philtrum": "around.0",

@@ -14,6 +14,7 @@ from blendcap.synthetic.mannequin.identity import GLOBE_RADIUS
 
 CLEARANCE = 0.9  # of the lid margin's control points above the eyeball, mm
 MEETING = 0.22  # the lids meet this far up from the lower lid
+_BULGE = 0.25  # of the lining as it slides round the eyeball, whose curve its quads cut, mm
 _TO_CANTHI = np.array([0.25, 0.08, 0.0, 0.16, 0.36])  # and higher towards the canthi, which do not sink
 
 
@@ -47,7 +48,7 @@ def _move_lid(face: Face, moved: np.ndarray, places: range, line: np.ndarray, sh
     rim = line + 1.5 * outward + [0, 0.9 * up, 0]
     moved[edge] = _arc(points[edge], rim, globe, share) - points[edge]
     along = points[sock] + 0.5 * moved[margin]  # the lining slides round the eyeball
-    reach = np.linalg.norm(points[sock] - globe, axis=1, keepdims=True)
+    reach = np.linalg.norm(points[sock] - globe, axis=1, keepdims=True) + _BULGE * max(share, 0)
     moved[sock] = globe + reach * _unit(along - globe) - points[sock]
     if up > 0:
         stretched = 0.45 * line + 0.55 * points[crease]
@@ -64,7 +65,8 @@ def _meeting_line(face: Face, meeting: float) -> np.ndarray:
     globe = face.person.globe
     above, below = face.pairs("margin", range(1, 6))
     top, bottom = face.points[above], face.points[below]
-    level = meeting + (1 - meeting) * _TO_CANTHI[:, None]
+    low = min(meeting, MEETING)  # a lower lid that rises far rises evenly: at the canthi it would turn over
+    level = np.maximum(meeting, low + (1 - low) * _TO_CANTHI[:, None])
     direction = _unit(bottom + level * (top - bottom) - globe)
     reach = np.zeros(len(direction))
     for start in (top - globe, bottom - globe):  # |start + reach direction| / 2 = the radius to keep

@@ -36,7 +36,8 @@ def smile(face: Face) -> np.ndarray:
 def smile_open(face: Face) -> np.ndarray:
     """What an open smile adds to a smile and an open jaw: the corners stay wide and the upper lip bares the teeth."""
     upper = contract(face, {"levator_labii": 0.06}) + _fold(face, 0.12)
-    return upper + contract(face, {"zygomatic_major": 0.03}) + push(_corner_field(face), (1.6, 0, 0))
+    turned_out = push(face.weights({"crest.4": 0.5}), (1, 0.2, 0.2))  # else the red of the corner would fold in
+    return upper + contract(face, {"zygomatic_major": 0.03}) + push(_corner_field(face), (1.6, 0, 0)) + turned_out
 
 
 def _fold(face: Face, share: float) -> np.ndarray:
@@ -143,7 +144,8 @@ def pucker(face: Face) -> np.ndarray:
         * _heights(face)
         * (face.lower * 1.0 - face.upper * 1.0)
     )
-    return face.sealed(_sphincter(face, 0.50, 0, 7.0, 0.13) + push(closer, (0, 1, 0)))
+    tucked = push(face.weights({"crest.4": 0.3}), (-1, -0.5, 0))  # else thin lips fold in the corner
+    return face.sealed(_sphincter(face, 0.50, 0, 7.0, 0.13) + push(closer, (0, 1, 0)) + tucked)
 
 
 def mouth_aside(face: Face) -> np.ndarray:

@@ -19,6 +19,8 @@ CORNEA_RISE, CORNEA_ANGLE = 0.045, 0.42  # of the radius; radians
 ARCH = 0.85  # of a half circle
 CROWNS = (8.5, 6.6, 7.6, 7.0, 6.8, 10.2, 9.8)  # widths of the upper teeth from the midline back, mm
 ROWS = 6  # of vertices from the gum over the front and the edge to the back
+_PROFILE = ((0, -1.4, -1.4), (0.3, -0.25, -0.1), (0.8, -0.1, -0.1), (1.0, -1.1, -1.6), (1.0, -2.7, -7.6), (0.35, -6.0, -8.6))
+_MOLAR = -4.6  # the middle of a molar; heights of a crown, and how far out it is in front and at the molars, mm
 LOWER_CROWNS = (5.3, 5.9, 6.9, 7.1, 7.2, 11.0, 10.5)
 
 
@@ -161,7 +163,7 @@ def _caruncle(person: Person) -> Part:
 
 def _tongue(person: Person) -> Part:
     directions, quads = ball(10)
-    shape = directions * [21, 9, 29]
+    shape = directions * [17, 9, 29]
     shape[:, 1] -= 1.8 * np.exp(-((shape[:, 0] / 4) ** 2)) * (shape[:, 1] > 0)
     shape[:, 1] *= 1 - 0.45 * smoothstep(5, 28, shape[:, 2])
     place = person.moved(shape + np.array([0, -75, 60.5]))
@@ -194,12 +196,15 @@ def _teeth(person: Person, *, upper: bool) -> Part:
     gap = np.exp(-((np.abs(np.abs(along)[:, None] - borders).min(1) / 0.7) ** 2))
     outward = np.stack([-np.gradient(z, along), 0 * x, np.gradient(x, along)], 1)
     gum, edge = (-56.5 - 0.003 * x**2, -67.0) if upper else (-75.5 + 0.007 * x**2, -66.0)  # molars are lower crowns
+    table = smoothstep(12, 26, np.abs(along))  # incisors end in an edge, molars in a table
+    full = np.sqrt(1 - (1 - np.clip((along[-1] - np.abs(along)) / 4.0, 0, 1)) ** 2)  # the last molar is round
     rows, local = [], []
-    for height, depth in ((0, -0.9), (0.3, 0.25), (0.8, 0.4), (1.0, -0.6), (1.0, -2.2), (0.0, -6.0)):
+    for height, front, molar in _PROFILE:
         rounded = gap * (1.2 if upper else -1.2) * (height > 0.7)
         rise = 0.0035 * x**2 * (1 if upper else 0.6)
         y = gum + height * (edge + rise + rounded - gum)
-        rows.append(np.stack([x, y, z], 1) + outward * (depth - 0.6 * gap)[:, None])
+        depth = front + table * (molar - front) - 0.6 * gap
+        rows.append(np.stack([x, y, z], 1) + outward * (_MOLAR + full * (depth - _MOLAR))[:, None])
         local.append(np.stack([along, np.full(columns, float(height)), gap], 1))
     first = (np.arange(ROWS - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
     quads = np.stack([first, first + columns, first + columns + 1, first + 1], 1)

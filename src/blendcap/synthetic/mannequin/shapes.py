@@ -8,7 +8,7 @@ import numpy as np
 
 from blendcap.data.facs import SHAPES
 from blendcap.synthetic.mannequin import jaw, lids, lips, upper_face
-from blendcap.synthetic.mannequin.contact import along_bone, over_globe, over_teeth
+from blendcap.synthetic.mannequin.contact import along_bone, over_globe, over_teeth, pushed_on
 from blendcap.synthetic.mannequin.face import Face
 from blendcap.synthetic.mannequin.fields import smoothstep
 from blendcap.synthetic.mannequin.visemes import VISEMES
@@ -73,6 +73,8 @@ BUILDS: Mapping[str, Build] = {
     "tongueOut": lips.tongue_passes,
 }
 _JAW = ("jawOpen", "jawStretch", "jawForward", "jawBack", "mouthClose")  # these carry the skin with the bone
+_AFTER = {"jawStretch": ("jawOpen",), "mouthClose": ("jawOpen",), "smileOpen": ("jawOpen", "mouthSmile"),
+          "tongueOut": ("jawOpen",)}  # fmt: skip
 _ASIDE: Mapping[str, Build] = {"jawLeft": jaw.jaw_aside, "mouthLeft": lips.mouth_aside}  # of the whole cage
 _INSTEAD = {"blinkLookDown": "eyeLookDown", "blinkLookUp": "eyeLookUp", "blinkSquint": "eyeSquint",
             "blinkWide": "eyeWide"}  # fmt: skip
@@ -107,6 +109,9 @@ def _halves(face: Face, arch: np.ndarray, skin: np.ndarray, faces: np.ndarray) -
     soft = [name for name in halves if name not in _JAW]
     slid = along_bone(face, np.stack([halves[name] for name in soft]), skin, faces)
     halves.update((name, face.lined(moved)) for name, moved in zip(soft, slid, strict=True))
+    for name in (*_JAW, *soft):
+        before = np.sum([halves[driver] for driver in _AFTER.get(name, ())], axis=0)
+        halves[name] = pushed_on(face, halves[name], before)
     for name in soft:
         halves[name] = over_globe(face, over_teeth(face, halves[name], arch))
     for name, viseme in VISEMES.items():
@@ -156,7 +161,7 @@ def _upper_share(face: Face, *, apart: bool) -> np.ndarray:
     share = smoothstep(level - 9, level + 9, face.points[:, 1])
     from_seam = {"border": 0.6, "crest": 0.25, "seam": 0, "inner": 0, "lining": 0, "bag": 0}
     own = np.array([1.0 if apart else from_seam.get(name, 1.0) for name in face.ring])
-    own *= np.select([face.place == 4, (face.place == 3) | (face.place == 5)], [0, 0.5], 1)
+    own *= np.select([face.place == 4, (face.place == 3) | (face.place == 5)], [0, 0.2], 1)
     return np.where(face.mouth, 0.5 + 0.5 * own * (1.0 * face.upper - face.lower), share)
 
 
