@@ -144,7 +144,7 @@ def test_a_blink_seals_whatever_the_lids_did_before(other, level):
 
 @pytest.mark.slow
 def test_twenty_people_seal_and_never_fold():
-    """Lids and lips meet to a hundredth of a millimetre; no quad turns by more than a right angle in or into a shape."""
+    """Lids and lips meet to a hundredth of a millimetre; no quad turns by a right angle in or into a shape."""
     for seed in range(1, 21):
         rig = person(seed)
         assert gap(rig, rig.pose(weights(rig, jawOpen=1, mouthClose=1)), "lips") < 0.01

@@ -12,7 +12,7 @@ from blendcap.synthetic.mannequin.face import Face
 from blendcap.synthetic.mannequin.identity import GLOBE_RADIUS
 
 # How far the control points of each ring of the mouth keep off the front of the teeth, mm.
-OFF_TEETH = {"bag": 1.5, "lining": 2.3, "inner": 3.1, "seam": 3.7, "crest": 4.5, "border": 5.5}
+OFF_TEETH = {"bag": 1.7, "lining": 2.5, "inner": 3.3, "seam": 3.9, "crest": 4.7, "border": 5.7}
 
 OFF_GLOBE = {"edge": 1.3, "crease": 2.2, "sulcus": 3.0}  # and of the rings of the eye, off the eyeball, mm
 

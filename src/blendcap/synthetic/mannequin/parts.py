@@ -19,8 +19,15 @@ CORNEA_RISE, CORNEA_ANGLE = 0.045, 0.42  # of the radius; radians
 ARCH = 0.85  # of a half circle
 CROWNS = (8.5, 6.6, 7.6, 7.0, 6.8, 10.2, 9.8)  # widths of the upper teeth from the midline back, mm
 ROWS = 6  # of vertices from the gum over the front and the edge to the back
-_PROFILE = ((0, -1.4, -1.4), (0.3, -0.25, -0.1), (0.8, -0.1, -0.1), (1.0, -1.1, -1.6), (1.0, -2.7, -7.6), (0.35, -6.0, -8.6))
-_MOLAR = -4.6  # the middle of a molar; heights of a crown, and how far out it is in front and at the molars, mm
+_PROFILE = (
+    (0, -1.6, -1.6),
+    (0.3, -0.45, -0.3),
+    (0.8, -0.3, -0.3),
+    (1.0, -1.3, -1.8),
+    (1.0, -2.8, -7.6),
+    (0.35, -6.0, -8.6),
+)  # heights of a crown, and how far out it is there in front and at the molars, mm
+_MOLAR = -4.6  # the middle of a molar, mm
 LOWER_CROWNS = (5.3, 5.9, 6.9, 7.1, 7.2, 11.0, 10.5)
 
 
