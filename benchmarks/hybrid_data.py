@@ -2,17 +2,21 @@
 
 One performer of each face is the teacher. What was tuned (regions, thresholds, windows) was tuned on the mannequins 1
 and 5; reported are the teacher's unseen takes, two other people of each face, and all real performances.
+
+Markers lie between the paint, as in the papers: a marker that is glued on a stroke hides it, and nobody glues markers
+on lids (54 markers on the upper face did not see them shut, section 8 of Reading Between the Dots, 2016).
 """
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 import blendcap
 from accuracy_data import DATA, MM, performance
@@ -21,17 +25,24 @@ from blendcap.data.names import match
 from blendcap.makeup.lesson import Lesson
 from blendcap.makeup.patches import Patches, extract_patches
 from blendcap.makeup.setup import locate
-from blendcap.makeup.units import ARKIT_TABLE, REGIONS
-from blendcap.synthetic.exercises import TRAINED, Exercise, action_units
+from blendcap.makeup.units import ARKIT_TABLE
+from blendcap.synthetic.exercises import TRAINED, Exercise, action_units, frown, lip_swing
 from blendcap.synthetic.head_camera import film_head, mount_head_camera
 from blendcap.synthetic.makeup import draw_makeup
+from blendcap.synthetic.paint import Stroke
 from blendcap.synthetic.performances import for_rig
 from blendcap.synthetic.performer import Performer, make_performer
+from blendcap.synthetic.shot import Shot
 from blendcap.synthetic.takes import Truth, choose_points, make_take
 
 RATE = 24.0  # of the lessons
-UNITS = tuple(unit for region in REGIONS for unit in region.units)
+APART = 3.0  # mm from the middle of a stroke to that of a marker, at least
+ALONE = ("1", "2", "5", "63", "64")  # units that a lesson shows beside the papers'
+TOGETHER = (
+    "1+2+5", "1+4", "1+2+4", "4+7", "4+9", "4+7+9", "7+9", "4+45", "9+45", "1+2+45", "64+45", "1+2+63", "4+64", "5+63",
+)  # fmt: skip
 ASIDE = {"10L+12L+18L+23L": "AU10+12+18+23L", "10R+12R+18R+23R": "AU10+12+18+23R"}
+UNITS = tuple(ASIDE.get(unit, f"AU{unit}") for unit in TRAINED)
 PEOPLE = {"mannequin": (1, 9, 12), "ICT": (101, 102, 103)}  # the first is the teacher
 PLAYED = {"mannequin": ("alexdjulin_alex_rom_3.csv", 3300, 3700), "ICT": ("alexdjulin_alex_rom_3.csv", 3630, 4030)}
 
@@ -57,6 +68,8 @@ class Filmed:
     truth: Truth
     binding: Binding
     patches: Patches
+    makeup: Sequence[Stroke]
+    seed: int
 
 
 Spoil = Callable[[int, int, np.ndarray], np.ndarray]  # camera, frame number, picture
@@ -67,27 +80,47 @@ def film(
     spoil: Spoil | None = None, bump: float = 0.0,
 ) -> Filmed:  # fmt: skip
     """Film a performer with four head cameras and cut the patches; what was cut is kept in a folder."""
-    points = choose_points(rig, 50, seed=seed)
+    makeup = draw_makeup(performer.rig, seed=seed)
+    points = between(rig, makeup, 50, seed)
     take, truth = make_take(performer, animation, points, seed=seed)
     if bump:
         take, truth = _bumped(take, truth, bump)
     binding = blendcap.bind(rig, take, points)
-    path = (
-        cache_folder
-        / f"{name}-{hashlib.sha256(repr((seed, animation.weights.shape, bump)).encode()).hexdigest()[:8]}.npz"
-    )
+    key = hashlib.sha256(repr((seed, animation.weights.shape, bump)).encode()).hexdigest()[:8]
+    path = cache_folder / f"{name}-{key}.npz"
     if path.exists():
         with np.load(path, allow_pickle=False) as file:
             images = {key: file[key] for key in file.files if key != "sure"}
             patches = Patches(images, take.rate, file["sure"], {key: frames[0] for key, frames in images.items()})
-        return Filmed(rig, take, truth, binding, patches)
+        return Filmed(rig, take, truth, binding, patches, makeup, seed)
     helmet = mount_head_camera(performer.rig, seed=seed)
-    shots = film_head(truth, helmet, seed=seed, makeup=draw_makeup(performer.rig, seed=seed))
+    shots = film_head(truth, helmet, seed=seed, makeup=makeup)
     setup = locate(rig, take, binding, helmet.cameras, [helmet.size] * len(shots), _quietest(rig, points))
-    videos = [_spoilt(view, shot.frames(), spoil) for view, shot in enumerate(shots)]
+    reel = [shot.frames() for shot in shots] if spoil is None else _reel(key, shots)
+    videos = [_spoilt(view, frames, spoil) for view, frames in enumerate(reel)]
     patches = extract_patches(videos, setup.places, setup.anchors, take.rate, dots=setup.dots, dot_radius=5.3)
     np.savez_compressed(path, sure=patches.sure, **patches.images)
-    return Filmed(rig, take, truth, binding, patches)
+    return Filmed(rig, take, truth, binding, patches, makeup, seed)
+
+
+_KEPT: dict[str, list[list[np.ndarray]]] = {}
+
+
+def _reel(key: str, shots: Sequence[Shot]) -> list[list[np.ndarray]]:
+    """All frames of a film, kept until another is asked for: it is spoilt in several ways."""
+    if key not in _KEPT:
+        _KEPT.clear()
+        _KEPT[key] = [list(shot.frames()) for shot in shots]
+    return _KEPT[key]
+
+
+def between(rig: Rig, makeup: Sequence[Stroke], count: int, seed: int) -> SurfacePoints:
+    """Markers spread over the skin that neither bears paint nor is a lid."""
+    paint = cKDTree(np.concatenate([stroke.points for stroke in makeup]))
+    painted = np.flatnonzero(paint.query(rig.mesh.vertices)[0] < APART)
+    taken = np.concatenate([painted, rig.regions["lids"]])
+    free = {name: np.setdiff1d(vertices, taken) for name, vertices in rig.regions.items()}
+    return choose_points(replace(rig, regions=free), count, seed=seed)
 
 
 def _quietest(rig: Rig, points: SurfacePoints, count: int = 14) -> list[str]:
@@ -112,16 +145,50 @@ def _bumped(take: MarkerTake, truth: Truth, size: float) -> tuple[MarkerTake, Tr
     return replace(take, positions=take.positions + shift), moved
 
 
-def exercise(kind: str, person: int, repeats: int, seed: int, cache_folder: Path) -> tuple[Filmed, Lesson, np.ndarray]:
-    """Action units shown by a person: the film, what was shown, and the true intensities (T, U) of `UNITS`."""
+def lesson(kind: str, cache_folder: Path) -> tuple[Filmed, Lesson]:
+    """What the teacher of a face shows: the papers' units four times, others three times, and what goes together."""
+    rig, person = face(kind, PEOPLE[kind][0]), PEOPLE[kind][0]
+    parts = [
+        action_units(rig, units, rate=RATE, repeats=repeats, seed=seed)
+        for seed, (units, repeats) in enumerate(((TRAINED, 4), (ALONE, 3), (TOGETHER, 2)))
+    ]
+    weights = np.concatenate([part.animation.weights for part in parts])
+    shown = Animation(weights, parts[0].animation.names, RATE)
+    filmed = film(rig, make_performer(rig, seed=person), shown, person, cache_folder, f"{kind}-{person}-lesson")
+    start, spans = len(filmed.take.positions) - len(weights), []
+    for part in parts:
+        spans += [((a + start) / RATE, (b + start) / RATE, ASIDE.get(u, f"AU{u}")) for u, a, b, _ in part.turns]
+        start += len(part.animation.weights)
+    return filmed, Lesson.of_spans(spans, len(filmed.take.positions), RATE)
+
+
+def exercise(kind: str, person: int, cache_folder: Path, repeats: int = 2, seed: int = 7) -> tuple[Filmed, np.ndarray]:
+    """The papers' units shown by a person: the film, and the true intensities (T, U) of `UNITS`."""
     rig = face(kind, person)
     shown = action_units(rig, TRAINED, rate=RATE, repeats=repeats, seed=seed)
     performer = make_performer(rig, seed=person)
-    name = f"{kind}-{person}-units-{repeats}-{seed}"
-    filmed = film(rig, performer, shown.animation, person + seed, cache_folder, name)
-    lead = len(filmed.take.positions) - len(shown.animation.weights)
-    spans = [((a + lead) / RATE, (b + lead) / RATE, ASIDE.get(u, f"AU{u}")) for u, a, b, _ in shown.turns]
-    return filmed, Lesson.of_spans(spans, len(filmed.take.positions), RATE), _intensities(shown, lead)
+    filmed = film(rig, performer, shown.animation, person + seed, cache_folder, f"{kind}-{person}-units")
+    return filmed, _intensities(shown, len(filmed.take.positions) - len(shown.animation.weights))
+
+
+def extremes(kind: str, person: int, cache_folder: Path) -> Filmed:
+    """The thesis' two extremes by a person: puckered lips that swing from side to side, and a frown (4.2.13)."""
+    rig = face(kind, person)
+    swing, down = lip_swing(rig, RATE), frown(rig, RATE)
+    acted = Animation(np.concatenate([swing.weights, down.weights]), swing.names, RATE)
+    performer = make_performer(rig, seed=person)
+    return film(rig, performer, acted, 300 + person, cache_folder, f"{kind}-{person}-extremes")
+
+
+def worn(filmed: Filmed, count: int, between_paint: bool) -> tuple[MarkerTake, Truth, Binding]:
+    """The same performance with other markers: more, fewer, or on the lids, too; the film stays."""
+    if between_paint and count == len(filmed.take.names):
+        return filmed.take, filmed.truth, filmed.binding
+    rig, seed = filmed.rig, filmed.seed
+    points = between(rig, filmed.makeup, count, seed) if between_paint else choose_points(rig, count, seed=seed)
+    acted = filmed.truth.animation
+    take, truth = make_take(filmed.truth.performer, acted, points, seed=200 + seed, neutral_frames=0)
+    return take, truth, blendcap.bind(rig, take, points)
 
 
 def _intensities(shown: Exercise, lead: int) -> np.ndarray:

@@ -95,6 +95,38 @@ def test_settings_of_curves_are_checked():
         SolveSettings(influence=-1.0)
 
 
+def test_a_curve_is_put_on_the_scale_of_the_markers_that_see_its_shape():
+    rng, frames = np.random.default_rng(0), 600
+    truth = np.stack([0.5 + 0.4 * np.sin(np.arange(frames) / period) for period in (9.0, 14.0, 20.0)], axis=1)
+    lasting = np.zeros((frames, 3))
+    for t in range(1, frames):
+        lasting[t] = 0.8 * lasting[t - 1] + rng.normal(scale=0.012, size=3)
+    said = Curves(0.4 * truth + 0.05 + lasting * 0.4, np.ones((frames, 3)))
+    markers = truth + rng.normal(scale=0.05, size=truth.shape)
+    seen = np.array([True, True, False])
+    mended, errors = said.calibrated(markers, np.full(3, 0.05**2), seen, least=0.01)
+    np.testing.assert_array_equal(mended.targets[:, 2], said.targets[:, 2])
+    assert errors[2] == 0.01
+    for n in (0, 1):
+        left = (mended.targets - truth)[:, n].std()
+        assert left < 1.2 * lasting[:, n].std()  # the gain of 0.4 and the offset are gone
+        assert left < errors[n] < 4 * left  # an error that lasts for some frames counts as often
+        assert np.abs((said.targets - truth)[:, n]).mean() > 5 * left
+
+
+def test_a_curve_that_hardly_moves_keeps_its_gain_and_a_silent_one_all():
+    still = np.full((100, 1), 0.3) + 1e-4 * np.sin(np.arange(100.0))[:, None]
+    markers = np.random.default_rng(1).normal(0.32, 0.05, (100, 1))
+    known = Curves(still, np.ones((100, 1)))
+    mended, _ = known.calibrated(markers, np.array([0.05**2]), np.array([True]), least=0.1)
+    gain = np.polyfit(still[:, 0], mended.targets[:, 0], 1)[0]
+    assert gain == pytest.approx(1, abs=0.3) and mended.targets.mean() == pytest.approx(0.32, abs=0.02)
+    silent = Curves(still, np.zeros((100, 1)))
+    same, errors = silent.calibrated(markers, np.array([0.05**2]), np.array([True]), least=0.1)
+    np.testing.assert_array_equal(same.targets, still)
+    assert errors[0] == 0.1
+
+
 @pytest.fixture(scope="module")
 def lids():
     """Speech on a rig whose lids carry no marker: only curves can tell a blink."""

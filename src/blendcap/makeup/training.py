@@ -11,10 +11,10 @@ import numpy as np
 from blendcap.data import InputError
 from blendcap.makeup.augmentation import warped
 from blendcap.makeup.classifier import METHODS, PatchClassifier, RegionModel, margin, paint_amount, seen_features, tally
-from blendcap.makeup.intensity import LEVELS, Intensity, measure_intensity
+from blendcap.makeup.intensity import LEVELS, measure_intensity
 from blendcap.makeup.lesson import Lesson
 from blendcap.makeup.patches import Patches
-from blendcap.makeup.units import REGIONS, Region
+from blendcap.makeup.units import PAPER_REGIONS, REGIONS, Region, shows
 
 VARIANCE = 0.9  # of the features, that the principal components keep
 MOST_FRAMES = 1500  # from which principal components are taken, about
@@ -30,7 +30,7 @@ def train_classifier(
     patches: Patches,
     lesson: Lesson,
     *,
-    regions: Sequence[Region] = REGIONS,
+    regions: Sequence[Region] | None = None,
     method: str = "intensity",
     kind: str = "gabor",
     relative: bool = True,
@@ -44,10 +44,12 @@ def train_classifier(
     patches : Patches
         The first frame is neutral.
     lesson : Lesson
-    regions : sequence of Region
-        Units that the lesson does not show are left out, and regions without a unit.
+    regions : sequence of Region, optional
+        Units that the lesson does not show are left out, and regions without a unit. Single units ("intensity") or the
+        papers' classes ("svm") if not given.
     method : {"intensity", "svm"}
-        Ridge regression on intensities, or the papers' classes of unit and level.
+        Ridge regression on intensities, or the papers' classes of unit and level. A regression also learns from units
+        that are shown together; of classes a frame is in one, so such frames are left out.
     kind : {"gabor", "hog", "edges"}
         The features.
     relative : bool
@@ -68,9 +70,12 @@ def train_classifier(
     if len(lesson.units) != frames:
         raise InputError(f"The lesson has {len(lesson.units)} frames, but the patches have {frames}; they must match.")
     shown = set(lesson.units) - {""}
+    regions = regions or (REGIONS if method == "intensity" else PAPER_REGIONS)
+    if method == "svm":
+        patches, lesson = _one_at_a_time(patches, lesson, regions)
     models = []
     for region in regions:
-        units = tuple(unit for unit in region.units if unit in shown)
+        units = tuple(unit for unit in region.units if any(_counts(turn, unit, method) for turn in shown))
         if units:
             part = Region(region.name, region.patches, units)
             models.append(_train_region(patches, lesson, part, method, kind, relative, warps, seed))
@@ -78,6 +83,20 @@ def train_classifier(
     if not models:
         raise InputError(f"The lesson shows none of the units of the regions; it shows {', '.join(sorted(shown))}.")
     return PatchClassifier(models, patches.neutral, method, kind, relative)
+
+
+def _counts(turn: str, unit: str, method: str) -> bool:
+    """Whether a turn teaches a unit: of classes a frame is in one."""
+    return turn == unit if method == "svm" else shows(turn, unit)
+
+
+def _one_at_a_time(patches: Patches, lesson: Lesson, regions: Sequence[Region]) -> tuple[Patches, Lesson]:
+    """The frames of rest and of turns that are a class of their own."""
+    classes = {"", *(unit for region in regions for unit in region.units)}
+    rows = np.array([unit in classes for unit in lesson.units])
+    images = {name: frames[rows] for name, frames in patches.images.items()}
+    kept = Patches(images, patches.rate, patches.sure[rows], patches.neutral)
+    return kept, Lesson(lesson.units[rows], lesson.repetitions[rows])
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +114,7 @@ class _Data:
 
 
 def _train_region(patches, lesson: Lesson, region: Region, method, kind, relative, warps, seed) -> RegionModel:
-    scales, units, amounts, labels = _labeled(patches, lesson, region, seed)
+    scales, units, amounts, labels = _labeled(patches, lesson, region, method, seed)
     folds = _folds(lesson)
     if folds.max() < 1:
         raise InputError(
@@ -116,22 +135,26 @@ def _train_region(patches, lesson: Lesson, region: Region, method, kind, relativ
     return _judged(model, data, left_out, scales)
 
 
-def _labeled(patches: Patches, lesson: Lesson, region: Region, seed: int):
-    """Scales of the units, the unit of each frame, intensities (T, U) and classes (T,) of the training frames."""
+def _labeled(patches: Patches, lesson: Lesson, region: Region, method: str, seed: int):
+    """Scales of the units, the unit of each frame, intensities (T, U) and classes (T,) of the training frames.
+
+    Units that are shown together rise and fall together, along one mode of their own.
+    """
     pictures = np.concatenate([_soft(frames) for frames in patches.of(region.patches)], axis=1)
     rest = np.concatenate([_soft(patches.neutral[name][None])[0] for name in region.patches])
-    count, scales = len(pictures), []
-    units, labels = np.full(count, -1), np.zeros(count, dtype=int)
-    amounts = np.zeros((count, len(region.units)))
-    for u, unit in enumerate(region.units):
-        own = np.flatnonzero(lesson.units == unit)
-        scale: Intensity = measure_intensity(pictures[own], rest, seed)
+    units, labels = np.full(len(pictures), -1), np.zeros(len(pictures), dtype=int)
+    amounts, scales = np.zeros((len(pictures), len(region.units))), {}
+    for turn in sorted(set(lesson.units) - {""}, key=lambda turn: (-len(turn), turn)):
+        taught = [u for u, unit in enumerate(region.units) if _counts(turn, unit, method)]
+        if not taught:
+            continue
+        own = np.flatnonzero(lesson.units == turn)
+        scale = measure_intensity(pictures[own], rest, seed)
         level = scale.level(pictures[own])
-        amounts[own, u] = scale.amount(pictures[own])
-        labels[own] = np.where(level > 0, u * (LEVELS - 1) + level, 0)
-        units[own] = u
-        scales.append(scale)
-    return tuple(scales), units, amounts, labels
+        amounts[np.ix_(own, taught)] = scale.amount(pictures[own])[:, None]
+        units[own], labels[own] = taught[0], np.where(level > 0, taught[0] * (LEVELS - 1) + level, 0)
+        scales |= dict.fromkeys(taught, scale)  # the shortest name comes last: the unit on its own
+    return tuple(scales[u] for u in range(len(region.units))), units, amounts, labels
 
 
 def _soft(frames: np.ndarray) -> np.ndarray:
@@ -233,7 +256,8 @@ def _judged(model: RegionModel, data: _Data, left_out: tuple[np.ndarray, np.ndar
     intensity, margins = left_out
     count = len(model.region.units)
     true, said = recognized(data.amounts), recognized(intensity)
-    clear = is_clear(data.amounts)
+    lone = np.count_nonzero(data.amounts, axis=1) < 2
+    clear = is_clear(data.amounts) & lone
     confusion = np.zeros((count + 1, count + 1), dtype=int)
     np.add.at(confusion, (true[clear] + 1, said[clear] + 1), 1)
     levels = np.stack([np.abs(intensity[:, [u]] - scale.centers).argmin(1) for u, scale in enumerate(scales)], 1)
@@ -241,11 +265,11 @@ def _judged(model: RegionModel, data: _Data, left_out: tuple[np.ndarray, np.ndar
     answered = np.where(said >= 0, said * (LEVELS - 1) + levels[rows, np.maximum(said, 0)], 0)
     scores = {
         "unit": float((true == said)[clear].mean()),
-        "unit, all frames": float((true == said).mean()),
-        "unit and level": float((answered == data.labels).mean()),
+        "unit, all frames": float((true == said)[lone].mean()),
+        "unit and level": float((answered == data.labels)[lone].mean()),
     }
     errors = np.sqrt(((intensity - data.amounts) ** 2).mean(0))
-    trust = model.trust if not len(model.classes) else _calibrated(margins, answered == data.labels)
+    trust = model.trust if not len(model.classes) else _calibrated(margins[lone], (answered == data.labels)[lone])
     return replace(model, trust=trust, errors=errors, scales=scales, scores=scores, confusion=confusion)
 
 

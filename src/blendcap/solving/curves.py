@@ -14,6 +14,9 @@ from blendcap.data import Animation, InputError
 from blendcap.data.names import match
 
 CURVE_ERROR = 0.1  # standard deviation of a curve that is fully trusted: 4 mm² (the papers' maximum) at 0.2 mm of noise
+LINE_SPREAD = np.array([0.1, 0.5])  # standard deviation of a curve's offset and gain, before the markers are heard
+LINE_ROUNDS = 3
+MOST_MEMORY = 10.0  # frames
 TOLERANCE = 0.1  # seconds by which curves and take may differ in length before somebody must say how they lie
 
 
@@ -55,8 +58,15 @@ class Curves:
         """(T,) `sum_i gamma_i (a_i - ã_i)²`, mm²."""
         return (strength * self.confidence * (weights - self.targets) ** 2).sum(1)
 
-    def errors(self, weights: np.ndarray, variance: np.ndarray, least: float) -> np.ndarray:
-        """(N,) standard deviation of each curve, as an answer without it shows.
+    def calibrated(
+        self, weights: np.ndarray, variance: np.ndarray, seen: np.ndarray, least: float
+    ) -> tuple[Curves, np.ndarray]:
+        """The curves put on the scale of the markers, and the standard deviation (N,) of what each then still errs.
+
+        A face moves by more or less than the one that the curves were learned on, and a unit that comes with another
+        is told a little of it. Where markers see a shape, a line `offset + gain * curve` through their answers mends
+        both, and what is left beside it is the curve's error. That error lasts: it counts for as many frames as it
+        stays alike.
 
         Parameters
         ----------
@@ -64,11 +74,19 @@ class Curves:
             Of a solve that did not lean on the curves.
         variance : (N,)
             What that solve leaves open; so much disagreement is not the curve's fault.
+        seen : (N,) bool
+            Shapes that markers see well enough to judge a curve. The others' curves stay as they are.
         least : float
             What a curve errs at least.
         """
-        apart = (self.confidence * (weights - self.targets) ** 2).sum(0) / np.maximum(self.confidence.sum(0), 1e-9)
-        return np.sqrt(np.maximum(apart - variance, least**2))
+        targets, errors = self.targets.copy(), np.full(len(variance), least)
+        for n in np.flatnonzero(seen & (self.confidence.sum(0) > 0)):
+            trust = self.confidence[:, n] / self.confidence[:, n].sum()
+            told, apart, memory = _line(self.targets[:, n], weights[:, n], trust)
+            targets[:, n] = np.clip(told, 0, 1)
+            spread = max((trust * apart**2).sum() - variance[n], least**2)
+            errors[n] = np.sqrt(memory * spread * self.confidence[:, n].mean())
+        return Curves(targets, self.confidence), errors
 
     def conflict(self, weights: np.ndarray) -> np.ndarray:
         """(T, N) how far the answer is from what the curve says, weight units, by its confidence."""
@@ -140,3 +158,27 @@ def _places(names: Sequence[str], curves: Animation, trust: np.ndarray, rig: str
                 f"The curve {name!r} has no shape on the rig {rig!r}; map it to one of its shapes or leave it out."
             )
     return places
+
+
+def _line(curve: np.ndarray, answer: np.ndarray, trust: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    """The line from a curve (T,) to an answer (T,): its values, what is left, and over how many frames that is alike.
+
+    Gain and offset are believed to be near 1 and 0: a curve that hardly moves teaches neither.
+    """
+    design = np.column_stack([np.ones_like(curve), curve])
+    apart, memory = answer - curve, 1.0
+    told = curve
+    for _ in range(LINE_ROUNDS):
+        memory = _memory(apart)
+        scale = len(curve) / memory / max((trust * apart**2).sum(), 1e-6)
+        gram = scale * (design.T * trust) @ design + np.diag(1 / LINE_SPREAD**2)
+        told = curve + design @ np.linalg.solve(gram, scale * (design.T * trust) @ (answer - curve))
+        apart = answer - told
+    return told, apart, memory
+
+
+def _memory(errors: np.ndarray) -> float:
+    """Frames over which errors (T,) stay alike: the time of a process that forgets by a constant part a frame."""
+    centered = errors - errors.mean()
+    alike = (centered[1:] * centered[:-1]).sum() / max((centered**2).sum(), 1e-12)
+    return float(np.clip((1 + alike) / (1 - alike), 1, MOST_MEMORY)) if alike < 1 else MOST_MEMORY

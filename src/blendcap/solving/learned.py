@@ -94,7 +94,7 @@ def solve_learned(
     told_error = np.full(len(mirror), curve_error)
     if curves is not None:
         progress("the markers alone")
-        told_error = _curve_errors(
+        curves, told_error = _calibrated(
             rows, prior, noise, _coupling(rows, prior, noise, rate, smoothness), curves, curve_error
         )
     for k in range(passes):
@@ -133,18 +133,17 @@ def _coupling(rows: MarkerRows, prior: TakePrior, noise: float, rate: float, fac
     return coupling
 
 
-def _curve_errors(
+def _calibrated(
     rows: MarkerRows, prior: TakePrior, noise: float, coupling: np.ndarray, curves: Curves, least: float
-) -> np.ndarray:
-    """(N,) how far each curve errs, told by a solve that does not know it: only where the markers see the shape."""
+) -> tuple[Curves, np.ndarray]:
+    """The curves on the markers' scale and their errors (N,), told by a solve that does not know them."""
     precision = _precision(prior, noise, len(rows.lower))
     alone, _ = solve_box_sequence(
         rows.gram + precision, rows.linear, coupling, lower=rows.lower, upper=rows.upper,
         rows=rows.rows, missing=rows.missing,
     )  # fmt: skip
     variance = posterior(rows.mean_gram, precision, prior.steps, noise**2)[0].diagonal()
-    told = curves.errors(alone[:, : rows.shapes], variance, least)
-    return np.where(weight_errors(rows, noise) < VISIBLE, told, least)
+    return curves.calibrated(alone[:, : rows.shapes], variance, weight_errors(rows, noise) < VISIBLE, least)
 
 
 def _untold(rows: MarkerRows, model_error: float, mirror: np.ndarray, told: np.ndarray) -> np.ndarray:
