@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from blendcap.data import Animation, Binding, Certificate, InputError, Mesh, Rig, Solution, SurfacePoints, triangulate
-from blendcap.view import plots, write_plot, write_report
+from blendcap.view import plots, write_comparison, write_plot, write_report
+from blendcap.view.comparison import comparison
+from blendcap.view.comparison import plot_comparison as plots_of
 from blendcap.view.concerns import concerns
 from blendcap.view.style import inline_svg, thinned
 
@@ -245,3 +247,34 @@ def test_a_good_solve_raises_no_concern(rig, solution):
         unseen={},
     )
     assert concerns(rig, good) == []
+
+
+def test_the_markers_alone_stand_beside_the_hybrid_solve(rig, solution, tmp_path):
+    weights = solution.animation.weights.copy()
+    weights[20:24, 0] += 0.4
+    changed = replace(solution.animation, weights=weights)
+    patches = Animation(weights[:, :1], rig.names[:1], 30.0)
+    hybrid = replace(solution, animation=changed)
+    html = comparison(rig, solution, hybrid, patches)
+    assert re.search(r"Frame 2[0-3], ", html) and html.count("<img") == 1  # no other is a second away
+    assert "mouthLeft" in html and "mouthRight" not in html  # which did not change
+    write_report(tmp_path / "r.html", rig, hybrid, alone=solution, patches=patches)
+    assert "What the patches changed" in (tmp_path / "r.html").read_text(encoding="utf-8")
+    write_report(tmp_path / "alone.html", rig, hybrid)
+    assert "What the patches changed" not in (tmp_path / "alone.html").read_text(encoding="utf-8")
+    film = tmp_path / "both.gif"
+    short = [Animation(a.weights[:3], a.names, a.rate) for a in (solution.animation, changed)]
+    assert write_comparison(film, rig, *short, size=(160, 90)) == 3 and film.stat().st_size > 0
+    with pytest.raises(InputError, match="have 3 and 40 frames; compare two of the same take"):
+        write_comparison(film, rig, short[0], changed)
+
+
+def test_the_plot_of_two_solves_draws_three_lines_for_a_shape_that_changed(solution):
+    changed = replace(solution.animation, weights=np.clip(solution.animation.weights - [0, 0.3, 0], 0, 1))
+    patches = Animation(changed.weights, changed.names, 30.0)
+    figure = plots_of(solution, replace(solution, animation=changed), patches)
+    drawn = [axes for axes in figure.axes if axes.get_title(loc="left") == "mouthRight"]
+    assert len(drawn) == 1 and len(figure.axes) == 1
+    alone, hybrid = (line.get_ydata() for line in drawn[0].lines[:2])
+    np.testing.assert_allclose(alone, solution.animation.weights[:, 1])
+    np.testing.assert_allclose(hybrid, changed.weights[:, 1])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -16,7 +17,7 @@ PREVIEW_RATE, PREVIEW_SIZE = 30.0, (960, 540)
 PLACES_SIZE = (1920, 1080)  # room for the names of the markers
 
 if TYPE_CHECKING:
-    from blendcap.data import Binding, MarkerTake, Rig, Solution
+    from blendcap.data import Animation, Binding, MarkerTake, Rig, Solution
 
 
 def solve(
@@ -86,9 +87,10 @@ def solve(
     stable
         A marker that moves with the skull, by name; repeat it for at least three. Found from the take if not given.
     preview
-        A .mp4 or .gif of the answer with the markers on it, at most 30 frames a second.
+        A .mp4 or .gif of the answer with the markers on it, at most 30 frames a second; with --patches the markers
+        alone beside it.
     report
-        A self-contained .html page: figures, plots, warnings.
+        A self-contained .html page: figures, plots, warnings; with --patches what they changed.
     picture
         A .png of the markers on the rig, with their names, to check the binding.
     write_places
@@ -111,15 +113,24 @@ def solve(
         curves = None if patches is None else read_animation(patches)
     hybrid = {"patches": curves, "patches_offset": patches_offset}
     binding, solution = bind_and_solve(the_rig, the_take, places, motion, settings, progress, **hybrid)
+    beside = None
+    if curves is not None and (preview or report):
+        with progress.step("alone", "Solve the markers alone, to compare") as tell:
+            beside = blendcap.solve(the_rig, the_take, binding, settings=settings, progress=tell)
     files = write_answers(
         the_rig, solution, binding, progress, output, preview=preview, report=report, picture=picture,
-        places=write_places,
+        places=write_places, alone=beside, patches=_shifted(curves, patches_offset),
     )  # fmt: skip
     facts = summary(the_take, solution, progress)
     if as_json:
         print_json(facts | {"files": [str(f) for f in files]})
     else:
         print_lines({k: v for k, v in facts.items() if k != "rms_mm_per_marker"} | {"wrote": [str(f) for f in files]})
+
+
+def _shifted(curves: Animation | None, offset: float | None) -> Animation | None:
+    """The curves as they lie over the take."""
+    return replace(curves, times=curves.times + offset) if curves is not None and offset else curves
 
 
 def bind_and_solve(
@@ -144,8 +155,10 @@ def write_answers(
     report: Path | None = None,
     picture: Path | None = None,
     places: Path | None = None,
+    alone: Solution | None = None,
+    patches: Animation | None = None,
 ) -> list[Path]:
-    """Write what was asked for; returns the files."""
+    """Write what was asked for; returns the files. `alone` is the solve without the patches, to be shown beside."""
     from blendcap import view
     from blendcap.io import write_animation, write_correspondences
 
@@ -162,28 +175,36 @@ def write_answers(
         with progress.step("places", f"Write {places}"):
             write_correspondences(places, binding.points)
     if preview is not None:
-        _write_preview(preview, rig, solution, progress)
+        _write_preview(preview, rig, solution, alone, progress)
     files = [*output, *(path for path in (picture, places, preview) if path is not None)]
     if report is not None:
         with progress.step("report", f"Write {report}"):
             steps = [f"Open {path.name}." for path in files]
-            view.write_report(report, rig, solution, binding=binding, video=preview, next_steps=steps)
+            view.write_report(
+                report, rig, solution, binding=binding, alone=alone, patches=patches, video=preview, next_steps=steps
+            )
         files.append(report)
     return files
 
 
-def _write_preview(path: Path, rig: Rig, solution: Solution, progress: Progress) -> None:
+def _write_preview(path: Path, rig: Rig, solution: Solution, alone: Solution | None, progress: Progress) -> None:
     """A video with at most 30 frames a second: what an eye needs in half the time."""
     from blendcap.data import Animation
-    from blendcap.view import write_preview
+    from blendcap.view import write_comparison, write_preview
 
     whole = solution.animation
     step = max(1, round(whole.rate / PREVIEW_RATE))
     every = slice(None, None, step)
-    part = Animation(whole.weights[every], whole.names, whole.rate / step, times=whole.times[every])
+    part, *others = (
+        Animation(a.weights[every], a.names, a.rate / step, times=a.times[every])
+        for a in (whole, *([] if alone is None else [alone.animation]))
+    )
     targets, fitted = (None if points is None else points[every] for points in (solution.targets, solution.fitted))
     with progress.step("preview", f"Write {path}", total=len(part.weights)) as tell:
-        write_preview(path, rig, part, size=PREVIEW_SIZE, targets=targets, fitted=fitted, progress=tell)
+        if others:
+            write_comparison(path, rig, *others, part, size=PREVIEW_SIZE, progress=tell)
+        else:
+            write_preview(path, rig, part, size=PREVIEW_SIZE, targets=targets, fitted=fitted, progress=tell)
 
 
 def summary(take: MarkerTake, solution: Solution, progress: Progress) -> dict[str, Any]:

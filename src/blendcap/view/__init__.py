@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 _HOMES = {
     "marker_heat": "heatmap",
     "vertex_error": "heatmap",
+    "write_comparison": "comparison",
     "write_contact_sheet": "sheet",
     "write_heatmap": "heatmap",
     "write_landmarks": "landmarks",
@@ -23,6 +24,7 @@ _HOMES = {
 __all__ = list(_HOMES)  # pyright: ignore[reportUnsupportedDunderAll]
 
 if TYPE_CHECKING:
+    from blendcap.view.comparison import write_comparison as write_comparison
     from blendcap.view.heatmap import marker_heat as marker_heat
     from blendcap.view.heatmap import vertex_error as vertex_error
     from blendcap.view.heatmap import write_heatmap as write_heatmap

@@ -54,11 +54,16 @@ def write_preview(
     for what, points in (("targets", targets), ("fitted", fitted)):
         if points is not None and len(points) != len(animation.weights):
             raise InputError(f"The {what} have {len(points)} frames, but the animation has {len(animation.weights)}.")
-    frames = _frames(rig, animation, size, yaws, targets, fitted, title, progress)
+    frames = picture_frames(rig, animation, size, yaws, targets, fitted, title, progress)
     return write_video(path, frames, animation.rate, size)
 
 
-def _frames(rig, animation, size, yaws, targets, fitted, title, progress) -> Iterator[np.ndarray]:
+def picture_frames(
+    rig: Rig, animation: Animation, size: tuple[int, int], yaws: Sequence[float] = VIEWS,
+    targets: np.ndarray | None = None, fitted: np.ndarray | None = None, title: str = "",
+    progress: Callable[[int, int], None] | None = None,
+) -> Iterator[np.ndarray]:  # fmt: skip
+    """The pictures (H, W, 3) uint8 that `write_preview` writes, one after the other."""
     views, count = side_by_side(rig, size, yaws), len(animation.weights)
 
     def draw(task: tuple[int, Surface]) -> np.ndarray:

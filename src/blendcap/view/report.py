@@ -7,9 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from blendcap.data import Binding, Rig, Solution
+from blendcap.data import Animation, Binding, Rig, Solution
 from blendcap.io.atomic import write_whole
 from blendcap.view import page, plots
+from blendcap.view.comparison import comparison
 from blendcap.view.concerns import concerns
 from blendcap.view.heatmap import heatmap, marker_heat
 from blendcap.view.posing import weights_on
@@ -27,6 +28,8 @@ def write_report(
     solution: Solution,
     *,
     binding: Binding | None = None,
+    alone: Solution | None = None,
+    patches: Animation | None = None,
     video: str | Path | None = None,
     title: str = "",
     next_steps: Sequence[str] = (),
@@ -39,6 +42,10 @@ def write_report(
         `.html`.
     binding : Binding, optional
         For its history and the heat map of the error.
+    alone : Solution, optional
+        Of the same take without the makeup patches, to be shown beside this one.
+    patches : Animation, optional
+        The curves of the patches, to be drawn between the two.
     video : path, optional
         A preview (.mp4, .gif) to put into the page, if it has less than 8 MB.
     title : str
@@ -56,6 +63,7 @@ def write_report(
         ("Summary", _summary(solution)),
         ("Look twice", page.sentences(concerns(rig, solution, binding), "concerns")),
         ("Preview", _film(video)),
+        ("What the patches changed", "" if alone is None else comparison(rig, alone, solution, patches)),
         ("Where the error sits", _pictures(rig, solution, binding)),
         ("Over time", _curves(solution, binding)),
         ("Shapes", page.figure(inline_svg(plots.plot_shapes(animation))) + _shapes_table(solution)),

@@ -1,0 +1,129 @@
+"""The markers alone beside the hybrid solve: where the makeup patches made a difference, and whether it is right."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import starmap
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from blendcap.data import Animation, InputError, Rig, Solution
+from blendcap.io.video_write import write_video
+from blendcap.metrics import evaluate
+from blendcap.view import page
+from blendcap.view.posing import weights_on
+from blendcap.view.preview import picture_frames
+from blendcap.view.still import still
+from blendcap.view.style import BLUE, GREEN, INK, inline_svg, new_figure, plain, styled, thinned
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+MOST_CURVES = 12
+CHANGED = 0.01  # a weight that changes by less is as it was
+PICTURE = (600, 600)
+PICTURES, APART = 3, 1.0  # frames that are shown, and seconds between them at least
+HIDDEN = ("eyes", "teeth", "tongue", "mouth", "sockets", "upper", "lower")
+
+
+def comparison(rig: Rig, alone: Solution, hybrid: Solution, patches: Animation | None = None) -> str:
+    """The two solves of a take as a part of a page: regions, curves, and the frames in which they differ most.
+
+    Parameters
+    ----------
+    alone, hybrid : Solution
+        Of the markers alone, and with the curves of the patches.
+    patches : Animation, optional
+        The curves.
+    """
+    _check(alone.animation, hybrid.animation)
+    html = page.table(["region", "apart on average"], _regions(rig, alone, hybrid))
+    html += page.figure(inline_svg(plot_comparison(alone, hybrid, patches)), "Shapes that the patches changed most.")
+    for frame in _frames_apart(rig, alone, hybrid):
+        pair = [still(rig, weights_on(rig, s.animation)[frame], size=PICTURE, yaws=(0.0,)) for s in (alone, hybrid)]
+        caption = f"Frame {frame}, {alone.animation.times[frame]:.2f} s: the markers alone, and with the patches."
+        html += page.figure(page.image(np.hstack(pair), "side by side"), caption)
+    return html
+
+
+@styled
+def plot_comparison(alone: Solution, hybrid: Solution, patches: Animation | None = None) -> Figure:
+    """Weights over time of the shapes that the patches changed most: markers alone, hybrid, and what patches say."""
+    ours, theirs = hybrid.animation, alone.animation
+    change = np.sqrt(((ours.weights - theirs.select(ours.names).weights) ** 2).mean(0))
+    order = np.argsort(-change, kind="stable")[: max(1, min(MOST_CURVES, int((change > CHANGED).sum())))]
+    columns = min(2, len(order))
+    rows = -(-len(order) // columns)
+    figure = new_figure(8.4, 0.7 + 1.15 * rows)
+    grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+    for axes, n in zip(grid.flat, order, strict=False):
+        name = ours.names[n]
+        axes.plot(*thinned(theirs.times, theirs.weights[:, theirs.names.index(name)]), color=INK, linewidth=0.8)
+        axes.plot(*thinned(ours.times, ours.weights[:, n]), color=BLUE)
+        if patches is not None and name in patches.names:
+            said = patches.weights[:, patches.names.index(name)]
+            axes.plot(*thinned(patches.times, said), color=GREEN, linewidth=0.8, linestyle=(0, (3, 2)))
+        axes.set_title(plain(name), fontsize=8, pad=2)
+    for axes in grid.flat[len(order) :]:
+        axes.set_visible(False)
+    grid[0, 0].set_ylim(-0.03, 1.05)
+    figure.supxlabel("seconds", fontsize=8)
+    lines = [([], [], INK, "-"), ([], [], BLUE, "-"), ([], [], GREEN, "--")]
+    handles = list(starmap(lambda x, y, color, dash: axes.plot(x, y, color=color, linestyle=dash)[0], lines))
+    figure.legend(handles, ("markers alone", "hybrid", "what the patches say"), ncols=3, loc="outside upper right")
+    return figure
+
+
+def write_comparison(
+    path: str | Path,
+    rig: Rig,
+    alone: Animation,
+    hybrid: Animation,
+    *,
+    size: tuple[int, int] = (1280, 720),
+    progress: Callable[[int, int], None] | None = None,
+) -> int:
+    """Write a film: the face of the markers alone to the left, of the hybrid solve to the right.
+
+    Parameters
+    ----------
+    size : (width, height)
+        Pixels, of both together.
+    """
+    _check(alone, hybrid)
+    half = (size[0] // 2, size[1])
+    films = [
+        picture_frames(rig, animation, half, (0.0,), title=title, progress=told)
+        for animation, title, told in ((alone, "markers alone", None), (hybrid, "with patches", progress))
+    ]
+    pictures = (np.hstack(pair) for pair in zip(*films, strict=True))
+    return write_video(path, pictures, hybrid.rate, (2 * half[0], half[1]))
+
+
+def _check(alone: Animation, hybrid: Animation) -> None:
+    if len(alone.weights) != len(hybrid.weights):
+        raise InputError(
+            f"The solves have {len(alone.weights)} and {len(hybrid.weights)} frames; compare two of the same take."
+        )
+
+
+def _regions(rig: Rig, alone: Solution, hybrid: Solution) -> list[list[str]]:
+    apart = evaluate(hybrid.animation, alone.animation, rig).by_region_mm
+    shown = {name: error for name, error in apart.items() if name not in HIDDEN}
+    return [[name, f"{shown[name]:.2f} mm"] for name in sorted(shown, key=lambda name: -shown[name])]
+
+
+def _frames_apart(rig: Rig, alone: Solution, hybrid: Solution) -> list[int]:
+    """Frames in which the two faces differ most, well apart in time."""
+    change = weights_on(rig, hybrid.animation) - weights_on(rig, alone.animation)
+    flat = rig.deltas[:, rig.moving_vertices()].reshape(len(rig.names), -1).astype(np.float64)
+    apart = np.einsum("ti,ij,tj->t", change, flat @ flat.T, change, optimize=True)
+    gap, frames = APART * hybrid.animation.rate, []
+    for frame in np.argsort(-apart, kind="stable"):
+        if all(abs(frame - other) >= gap for other in frames):
+            frames.append(int(frame))
+        if len(frames) == PICTURES:
+            break
+    return frames
