@@ -17,6 +17,8 @@ PREVIEW_RATE, PREVIEW_SIZE = 30.0, (960, 540)
 PLACES_SIZE = (1920, 1080)  # room for the names of the markers
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from blendcap.data import Animation, Binding, MarkerTake, Rig, Solution
 
 
@@ -195,14 +197,15 @@ def _write_preview(path: Path, rig: Rig, solution: Solution, alone: Solution | N
     whole = solution.animation
     step = max(1, round(whole.rate / PREVIEW_RATE))
     every = slice(None, None, step)
-    part, *others = (
-        Animation(a.weights[every], a.names, a.rate / step, times=a.times[every])
-        for a in (whole, *([] if alone is None else [alone.animation]))
-    )
+
+    def thinned(weights: np.ndarray) -> Animation:
+        return Animation(weights[every], whole.names, whole.rate / step, times=whole.times[every])
+
+    part = thinned(whole.weights)
     targets, fitted = (None if points is None else points[every] for points in (solution.targets, solution.fitted))
     with progress.step("preview", f"Write {path}", total=len(part.weights)) as tell:
-        if others:
-            write_comparison(path, rig, *others, part, size=PREVIEW_SIZE, progress=tell)
+        if alone is not None:
+            write_comparison(path, rig, thinned(alone.animation.weights), part, size=PREVIEW_SIZE, progress=tell)
         else:
             write_preview(path, rig, part, size=PREVIEW_SIZE, targets=targets, fitted=fitted, progress=tell)
 

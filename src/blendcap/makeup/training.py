@@ -17,7 +17,7 @@ from blendcap.makeup.patches import Patches
 from blendcap.makeup.units import PAPER_REGIONS, REGIONS, Region, shows
 
 VARIANCE = 0.9  # of the features, that the principal components keep
-MOST_FRAMES = 1500  # from which principal components are taken, about
+MOST_FRAMES = 800  # from which principal components are taken, about
 RIDGES = (1.0, 10.0, 100.0, 1000.0)
 SOFT = 3.0  # pixels of blur before the modes of variation are sought
 COST = 0.1  # C of the support vector machine
@@ -125,10 +125,8 @@ def _train_region(patches, lesson: Lesson, region: Region, method, kind, relativ
         _Data(seen_features(warped(patches, region, seed + k), region, kind, relative), units, amounts, labels, folds)
         for k in range(1, warps + 1)
     ]
-    ridge = _best_ridge(data) if method == "intensity" else 0.0
-    left_out = _left_out(data, more, method, ridge, seed, len(region.units))
-    known = data if not more else _joined([data, *more])
-    weights, offsets, classes = _fit(known, method, ridge, seed)
+    ridge, left_out = _left_out(data, more, method, seed)
+    weights, offsets, classes = _fit(_joined([data, *more]), method, ridge, seed)
     shown = paint_amount(patches, region)
     coverage = np.stack([shown.min(0), shown.max(0)], axis=1).clip(1e-3)
     model = RegionModel(region, weights, offsets, classes, np.array([0.0, 5.0]), coverage, np.zeros(len(region.units)))
@@ -145,15 +143,15 @@ def _labeled(patches: Patches, lesson: Lesson, region: Region, method: str, seed
     units, labels = np.full(len(pictures), -1), np.zeros(len(pictures), dtype=int)
     amounts, scales = np.zeros((len(pictures), len(region.units))), {}
     for turn in sorted(set(lesson.units) - {""}, key=lambda turn: (-len(turn), turn)):
-        taught = [u for u, unit in enumerate(region.units) if _counts(turn, unit, method)]
-        if not taught:
+        taught = np.flatnonzero([_counts(turn, unit, method) for unit in region.units])
+        if not len(taught):
             continue
         own = np.flatnonzero(lesson.units == turn)
         scale = measure_intensity(pictures[own], rest, seed)
         level = scale.level(pictures[own])
         amounts[np.ix_(own, taught)] = scale.amount(pictures[own])[:, None]
         units[own], labels[own] = taught[0], np.where(level > 0, taught[0] * (LEVELS - 1) + level, 0)
-        scales |= dict.fromkeys(taught, scale)  # the shortest name comes last: the unit on its own
+        scales |= dict.fromkeys(taught.tolist(), scale)  # the shortest name comes last: the unit on its own
     return tuple(scales[u] for u in range(len(region.units))), units, amounts, labels
 
 
@@ -181,22 +179,23 @@ def _folds(lesson: Lesson) -> np.ndarray:
 def _fit(data: _Data, method: str, ridge: float, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Weights (K, D), offsets (K,) and classes of a machine on the principal components of the features."""
     mean, axes, deviations = _components(data.seen)
-    inner = (data.seen - mean) @ axes.T / deviations
-    if method == "svm":
-        from sklearn.svm import SVC
-
-        machine = SVC(kernel="linear", C=COST, decision_function_shape="ovo", random_state=seed)
-        machine.fit(inner, data.labels)
-        # With two classes the machine's one value is positive for the second, not the first.
-        sign = -1 if len(machine.classes_) == 2 else 1
-        slopes, shifts = sign * machine.coef_, sign * machine.intercept_
-        kinds = np.array([(-1, 0) if c == 0 else divmod(c - 1, LEVELS - 1) for c in machine.classes_])
-        classes = kinds + [0, 1] * (kinds[:, :1] >= 0)
-    else:
-        slopes, shifts = _regression(inner, data.amounts, ridge)
-        classes = np.zeros((0, 2), dtype=int)
+    slopes, shifts, classes = _machine((data.seen - mean) @ axes.T / deviations, data, method, ridge, seed)
     weights = (slopes / deviations) @ axes
     return np.ascontiguousarray(weights, dtype=np.float32), shifts - weights @ mean, classes
+
+
+def _machine(inner: np.ndarray, data: _Data, method: str, ridge: float, seed: int):
+    """Slopes (K, P), shifts (K,) and classes of a machine on components (T, P) of the data."""
+    if method == "intensity":
+        return *_regression(inner, data.amounts, ridge), np.zeros((0, 2), dtype=int)
+    from sklearn.svm import SVC
+
+    machine = SVC(kernel="linear", C=COST, decision_function_shape="ovo", random_state=seed)
+    machine.fit(inner, data.labels)
+    # With two classes the machine's one value is positive for the second, not the first.
+    sign = -1 if len(machine.classes_) == 2 else 1
+    kinds = np.array([(-1, 0) if c == 0 else divmod(c - 1, LEVELS - 1) for c in machine.classes_])
+    return sign * machine.coef_, sign * machine.intercept_, kinds + [0, 1] * (kinds[:, :1] >= 0)
 
 
 def _components(seen: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -212,19 +211,6 @@ def _components(seen: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return mean.astype(np.float64), axes, scale / np.sqrt(len(centered))
 
 
-def _best_ridge(data: _Data) -> float:
-    """The ridge whose answers on left-out showings err least."""
-    errors = np.zeros(len(RIDGES))
-    for fold in np.unique(data.folds):
-        known, test = (data.part(np.flatnonzero((data.folds == fold) == out)) for out in (False, True))
-        mean, axes, deviations = _components(known.seen)
-        inner, outer = ((part.seen - mean) @ axes.T / deviations for part in (known, test))
-        for k, ridge in enumerate(RIDGES):
-            slopes, center = _regression(inner, known.amounts, ridge)
-            errors[k] += ((np.clip(outer @ slopes.T + center, 0, 1) - test.amounts) ** 2).sum()
-    return RIDGES[int(errors.argmin())]
-
-
 def _regression(inner: np.ndarray, amounts: np.ndarray, ridge: float) -> tuple[np.ndarray, np.ndarray]:
     """Slopes (U, P) and offsets (U,) of a ridge regression on centered components (T, P)."""
     center = amounts.mean(0)
@@ -232,19 +218,30 @@ def _regression(inner: np.ndarray, amounts: np.ndarray, ridge: float) -> tuple[n
     return np.linalg.solve(gram, inner.T @ (amounts - center)).T, center
 
 
-def _left_out(data: _Data, more: list[_Data], method, ridge, seed, units: int) -> tuple[np.ndarray, np.ndarray]:
-    """Intensities (T, U) and margins (T,) of frames whose showings were left out of the training."""
-    intensity, margins = np.zeros((len(data.seen), units)), np.zeros(len(data.seen))
+def _left_out(data: _Data, more: list[_Data], method: str, seed: int):
+    """The ridge that errs least on frames whose showings were left out of the training, and what is told of these.
+
+    Returns
+    -------
+    ridge : float
+    told : (intensities (T, U), margins (T,))
+    """
+    ridges = RIDGES if method == "intensity" else (0.0,)
+    intensity, margins = np.zeros((len(ridges), *data.amounts.shape)), np.zeros(len(data.seen))
     for fold in np.unique(data.folds):
-        test = np.flatnonzero(data.folds == fold)
-        known = _joined([d.part(np.flatnonzero(data.folds != fold)) for d in (data, *more)])
-        weights, offsets, classes = _fit(known, method, ridge, seed)
-        part = Region("", (), ("",) * units)
-        model = RegionModel(part, weights, offsets, classes, np.zeros(2), np.ones((0, 2)), np.zeros(units))
-        intensity[test], _ = model.answer(data.seen[test])
-        if len(classes):
-            margins[test] = margin(tally(data.seen[test] @ weights.T + offsets, len(classes)))
-    return intensity, margins
+        test, rest = np.flatnonzero(data.folds == fold), np.flatnonzero(data.folds != fold)
+        known = _joined([part.part(rest) for part in (data, *more)])
+        mean, axes, deviations = _components(known.seen)
+        inner, outer = ((seen - mean) @ axes.T / deviations for seen in (known.seen, data.seen[test]))
+        for k, ridge in enumerate(ridges):
+            slopes, shifts, classes = _machine(inner, known, method, ridge, seed)
+            part = Region("", (), ("",) * data.amounts.shape[1])
+            model = RegionModel(part, slopes, shifts, classes, np.zeros(2), np.ones((0, 2)), np.zeros(0))
+            intensity[k, test], _ = model.answer(outer)
+            if len(classes):
+                margins[test] = margin(tally(outer @ slopes.T + shifts, len(classes)))
+    best = int(((intensity - data.amounts) ** 2).sum((1, 2)).argmin())
+    return ridges[best], (intensity[best], margins)
 
 
 def _joined(parts: list[_Data]) -> _Data:
