@@ -56,9 +56,11 @@ def main() -> None:
         folder.mkdir(parents=True, exist_ok=True)
         units, solves, gains, flaws = [], [], [], []
         for kind in chosen.faces:
-            trained = recognition(kind, folder, units)
+            filmed, shown = lesson(kind, folder)
+            trained = {how: train_classifier(filmed.patches, shown, method=how) for how in ("svm", "intensity")}
             hybrid(kind, trained, folder, solves, gains)
             failures(kind, trained, folder, flaws)
+            recognition(kind, trained, folder, units)
     command = " ".join(["python benchmarks/hybrid.py --faces", *chosen.faces])
     write_section("Action units from makeup patches", command, UNITS_TEXT + "\n".join(units))
     lines = "\n".join(solves) + GAINS_TEXT + "\n".join(gains)
@@ -67,8 +69,8 @@ def main() -> None:
 
 
 UNITS_TEXT = """Four grey head cameras of 640x480, painted patches, 24 frames a second; trained on one performer
-who shows the papers' units four times and others, alone and together, two or three times; tested on takes of the
-papers' units that share nothing with the lesson but the performer, or not even that. "brows" to "mouth": frames in
+who shows each unit four times, tested on takes that share nothing with the lesson but the performer, or not even that.
+"brows" to "mouth": frames in
 which the unit is told right, region by region, of frames that are plainly at rest (below 0.12) or not (above 0.3);
 "level": the worst region's part of frames in which the intensity is told within 0.25, too. "45" and "6+43": precision
 and recall. "worst": the correlation of told and true intensity of the unit that is told worst. "svm" is the papers'
@@ -100,11 +102,9 @@ FLAW_TEXT = """The teacher's performance, 50 markers, spoilt; vertex RMSE of the
 """
 
 
-def recognition(kind: str, folder: Path, rows: list[str]) -> dict[str, PatchClassifier]:
-    """Train on the teacher, test on everybody; the classifiers by method."""
+def recognition(kind: str, trained: dict[str, PatchClassifier], folder: Path, rows: list[str]) -> None:
+    """Trained on the teacher, tested on everybody."""
     teacher, *others = PEOPLE[kind]
-    filmed, shown = lesson(kind, folder)
-    trained = {method: train_classifier(filmed.patches, shown, method=method) for method in ("svm", "intensity")}
     for name, person in (("teacher, unseen take", teacher), *((f"person {p}", p) for p in others)):
         test, amounts = exercise(kind, person, folder)
         for method, classifier in trained.items():
@@ -116,7 +116,6 @@ def recognition(kind: str, folder: Path, rows: list[str]) -> dict[str, PatchClas
                 over, cells = "yes" if aligned else "no", _recognized(said, amounts)
                 rows.append(f"| {kind} | {name} | {method} | {over} | {cells} | {speed:.0f} |")
                 print(rows[-1], flush=True)
-    return trained
 
 
 def _as_classes(told: dict[str, np.ndarray]) -> np.ndarray:

@@ -37,10 +37,6 @@ from blendcap.synthetic.takes import Truth, choose_points, make_take
 
 RATE = 24.0  # of the lessons
 APART = 3.0  # mm from the middle of a stroke to that of a marker, at least
-ALONE = ("1", "2", "5", "63", "64")  # units that a lesson shows beside the papers'
-TOGETHER = (
-    "1+2+5", "1+4", "1+2+4", "4+7", "4+9", "4+7+9", "7+9", "4+45", "9+45", "1+2+45", "64+45", "1+2+63", "4+64", "5+63",
-)  # fmt: skip
 ASIDE = {"10L+12L+18L+23L": "AU10+12+18+23L", "10R+12R+18R+23R": "AU10+12+18+23R"}
 UNITS = tuple(ASIDE.get(unit, f"AU{unit}") for unit in TRAINED)
 PEOPLE = {"mannequin": (1, 9, 12), "ICT": (101, 102, 103)}  # the first is the teacher
@@ -77,11 +73,11 @@ Spoil = Callable[[int, int, np.ndarray], np.ndarray]  # camera, frame number, pi
 
 def film(
     rig: Rig, performer: Performer, animation: Animation, seed: int, cache_folder: Path, name: str,
-    spoil: Spoil | None = None, bump: float = 0.0,
+    spoil: Spoil | None = None, bump: float = 0.0, spread: bool = False,
 ) -> Filmed:  # fmt: skip
     """Film a performer with four head cameras and cut the patches; what was cut is kept in a folder."""
     makeup = draw_makeup(performer.rig, seed=seed)
-    points = between(rig, makeup, 50, seed)
+    points = choose_points(rig, 50, seed=seed) if spread else between(rig, makeup, 50, seed)
     take, truth = make_take(performer, animation, points, seed=seed)
     if bump:
         take, truth = _bumped(take, truth, bump)
@@ -146,19 +142,13 @@ def _bumped(take: MarkerTake, truth: Truth, size: float) -> tuple[MarkerTake, Tr
 
 
 def lesson(kind: str, cache_folder: Path) -> tuple[Filmed, Lesson]:
-    """What the teacher of a face shows: the papers' units four times, others three times, and what goes together."""
+    """The papers' units, each four times, shown by the teacher of a face, who wears markers on the lids, too."""
     rig, person = face(kind, PEOPLE[kind][0]), PEOPLE[kind][0]
-    parts = [
-        action_units(rig, units, rate=RATE, repeats=repeats, seed=seed)
-        for seed, (units, repeats) in enumerate(((TRAINED, 4), (ALONE, 3), (TOGETHER, 2)))
-    ]
-    weights = np.concatenate([part.animation.weights for part in parts])
-    shown = Animation(weights, parts[0].animation.names, RATE)
-    filmed = film(rig, make_performer(rig, seed=person), shown, person, cache_folder, f"{kind}-{person}-lesson")
-    start, spans = len(filmed.take.positions) - len(weights), []
-    for part in parts:
-        spans += [((a + start) / RATE, (b + start) / RATE, ASIDE.get(u, f"AU{u}")) for u, a, b, _ in part.turns]
-        start += len(part.animation.weights)
+    shown = action_units(rig, TRAINED, rate=RATE, repeats=4, seed=0)
+    performer = make_performer(rig, seed=person)
+    filmed = film(rig, performer, shown.animation, person, cache_folder, f"{kind}-{person}-lesson", spread=True)
+    lead = len(filmed.take.positions) - len(shown.animation.weights)
+    spans = [((a + lead) / RATE, (b + lead) / RATE, ASIDE.get(u, f"AU{u}")) for u, a, b, _ in shown.turns]
     return filmed, Lesson.of_spans(spans, len(filmed.take.positions), RATE)
 
 
