@@ -61,8 +61,8 @@ def solve_learned(
     `|y_t - B a_t - R u_t|² + s² a_t' C⁻¹ a_t + sum_i s² w_ti / q_i (a_ti - a_(t-1)i)²` with `0 <= a <= 1`,
     where s is the noise, C the covariance of poses, q the variance of steps and w their Student weights;
     C, q and w are re-estimated between passes. Curves add `sum_i s² / e_i² c_ti (a_ti - ã_ti)²` (Eq. 4, Eq. 38) with
-    their confidence c; how far a curve errs, e_i, is told by a solve of the markers alone before. A curve that
-    contradicts well-seen markers counts little; one of a shape that no marker sees counts in full.
+    their confidence c; a solve of the markers alone before puts the curves of shapes that markers see on their scale
+    and tells how far each still errs, e_i. A curve of a shape that no marker sees counts in full.
 
     Parameters
     ----------
