@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -12,12 +11,12 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 from blendcap.data import LandmarkModel
-from blendcap.io.atomic import write_whole
+from blendcap.io.npz import write_npz
 from blendcap.modeling.detectors import VERSION
 from blendcap.modeling.face_search import FACE_PIXEL, FACE_SIZE
 from blendcap.modeling.frontal import PIXEL, SIZE, frontal, frontal_camera
 from blendcap.modeling.landmark_names import FEATURES, LINES, line_names
-from blendcap.modeling.training import as_picture, train_landmarks
+from blendcap.modeling.landmark_training import as_picture, train_landmarks
 from blendcap.rendering import project
 from landmark_faces import (
     UV_SIZE,
@@ -110,9 +109,8 @@ def save(detectors: dict[str, dict[str, LandmarkModel]]) -> None:
         for part, model in parts.items()
         for name, values in model.arrays().items()
     }
-    meta = json.dumps({"kind": "landmark detectors", "version": VERSION, "trained_on": "mannequins 1 to 120"})
-    with write_whole(TARGET) as temporary, temporary.open("wb") as file:
-        np.savez_compressed(file, meta=np.array(meta), **arrays)
+    meta = {"kind": "landmark detectors", "version": VERSION, "trained_on": "mannequins 1 to 120"}
+    write_npz(TARGET, meta, **arrays)
     print(f"{TARGET.name}: {TARGET.stat().st_size / 1e3:.0f} kB")
 
 

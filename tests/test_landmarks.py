@@ -10,9 +10,9 @@ from blendcap.modeling.detection import detect, detect_paper, log_odds
 from blendcap.modeling.frontal import frontal, lift, out_of_gaps
 from blendcap.modeling.hog import BINS, cell_maps, describe
 from blendcap.modeling.landmark_names import FEATURES, LINES, ON_A_LINE, along, line_names, rig_landmarks
+from blendcap.modeling.landmark_training import train_landmarks
 from blendcap.modeling.landmarks import search_landmarks
 from blendcap.modeling.mean_shift import mean_shift
-from blendcap.modeling.training import train_landmarks
 
 
 @pytest.fixture(scope="module")

@@ -12,8 +12,10 @@ import masks
 from blendcap.data import InputError, Mesh, Rig, SurfacePoints
 from blendcap.modeling.affine import AffineField
 from blendcap.modeling.matching import ScanSurface
+from blendcap.modeling.nonrigid import fit_skin
 from blendcap.modeling.registration import register
 from blendcap.modeling.schedule import SCHEDULES
+from blendcap.modeling.template import find_skin
 from blendcap.numerics.similarity import apply
 from blendcap.numerics.surfaces import edges_of, turned_over
 
@@ -258,6 +260,30 @@ def test_a_fold_is_seen():
     assert not turned_over(vertices, TEMPLATE.faces).any()
     vertices[middle, 0] += 3 * 70 * 2 / 20  # over its neighbours
     assert turned_over(vertices, TEMPLATE.faces).any()
+
+
+def test_matches_that_fold_the_skin_are_dropped(monkeypatch):
+    """Every vertex is drawn to where it is but one, which is drawn over its neighbours."""
+    odd = int(np.argmin((PARAMETERS**2).sum(1)))
+    targets = TEMPLATE.vertices.copy()
+    targets[odd, 0] += 25
+
+    class Surface:
+        def closest(self, places):
+            return targets, np.linalg.norm(places - targets, axis=1), np.zeros(len(places), np.int64)
+
+        def believable(self, faces, *_):
+            return np.ones(len(faces), dtype=bool)
+
+    skin = find_skin(TEMPLATE)
+    soft = replace(SCHEDULES["even"], stiffness=(0.1,), landmarks=(0.0,))
+    nothing = sparse.csr_matrix((0, len(targets))), np.zeros((0, 3))
+    given = TEMPLATE.vertices, skin, Surface(), *nothing, soft, "auto", None
+    fit = fit_skin(*given)
+    assert not turned_over(fit.vertices, skin.faces).any()
+    assert np.isnan(fit.distance[odd]) and 0.9 < np.isfinite(fit.distance).mean() < 1
+    monkeypatch.setattr("blendcap.modeling.nonrigid.UNFOLD", 0)
+    assert turned_over(fit_skin(*given).vertices, skin.faces).any()
 
 
 @pytest.mark.slow

@@ -2,7 +2,7 @@
 
 import json
 import re
-from pathlib import Path
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,9 +11,12 @@ import blendcap
 import masks
 from blendcap.cli import main
 from blendcap.cli.progress import Progress
-from blendcap.cli.rig_examples import asked_for, refined
+from blendcap.cli.rig_examples import refined
 from blendcap.data import InputError, Mesh, Rig, SurfacePoints
+from blendcap.modeling.build import build_rig
+from blendcap.modeling.examples import asked_for
 from blendcap.modeling.landmark_pairs import partners
+from blendcap.view.rig_report import doubts, rig_facts
 
 OTHER = {"width": 78.0, "nose": 14.0, "chin": -12.0}
 TEMPLATE, PARAMETERS = masks.template()
@@ -133,10 +136,26 @@ def test_a_folder_without_examples_is_said(folder, capsys, make, words):
     assert words in capsys.readouterr().err
 
 
+def test_doubts_say_which_level_moved_and_where_triangles_are_folded():
+    rig = a_rig()
+    rig = replace(rig, regions={"lips": TEMPLATE.faces[0], "upper": np.arange(len(TEMPLATE.vertices))})
+    scan, pairs = masks.scan(**OTHER), masks.landmarks(TEMPLATE, PARAMETERS, **OTHER)
+    built = build_rig(rig, scan, pairs)
+    assert not doubts(built, rig_facts(built, rig))
+    levels = list(built.registration.levels)
+    levels[1] = replace(levels[1], converged=False, change=0.15, steps=60)
+    bad = replace(built, registration=replace(built.registration, levels=tuple(levels), flipped=np.array([0, 9])))
+    facts = rig_facts(bad, rig)
+    assert facts["flipped_in"] == {"lips": 1, "upper": 1}
+    folds, moved = doubts(bad, facts)
+    assert "2 triangles are folded over (1 in lips, 1 in upper)" in folds
+    assert "At stiffness 6.5, which is only a start" in moved and "0.15 mm a step after 60 steps" in moved
+
+
 def test_names_of_files_are_weights():
     rig = a_rig()
-    np.testing.assert_array_equal(asked_for(rig, [Path("browInnerUp.obj"), Path("BrowInnerUp.ply")]), [[1], [1]])
-    assert asked_for(rig, [Path("browInnerUp.obj"), Path("scan7.obj")]) is None
+    np.testing.assert_array_equal(asked_for(rig, ["browInnerUp", "BrowInnerUp"]), [[1], [1]])
+    assert asked_for(rig, ["browInnerUp", "scan7"]) is None
 
 
 def test_points_are_paired_by_name():
@@ -154,7 +173,7 @@ def test_what_is_wrong_with_an_example_is_said(tmp_path, monkeypatch, caplog):
     """Registration and refinement are left out: what matters is that the finding of landmarks does not fail unheard."""
     rig = Rig(flat_head(), np.zeros((1, 4, 3), np.float32), ("jawOpen",))
     blendcap.write_mesh(tmp_path / "jawOpen.obj", rig.mesh)
-    monkeypatch.setattr("blendcap.cli.rig_build.find_pairs", lambda *_: (None, ["No landmarks were found."]))
+    monkeypatch.setattr("blendcap.modeling.landmark_pairs.find_pairs", lambda *_: (None, ["No landmarks were found."]))
     ready = type("Ready", (), {"mesh": rig.mesh, "notes": ["Its normals were turned."]})
     monkeypatch.setattr("blendcap.modeling.scan_repair.ready_scan", lambda *_: ready)
     monkeypatch.setattr("blendcap.modeling.build.register_example", lambda *_: rig.mesh)

@@ -37,7 +37,7 @@ _HOMES = {
     "mannequin": "synthetic.mannequin",
     # modeling
     "find_landmarks": "modeling.landmarks",
-    "train_landmarks": "modeling.training",
+    "train_landmarks": "modeling.landmark_training",
     "bake_normals": "modeling.detail",
     "register": "modeling.registration",
     "transfer_rig": "modeling.transfer",
@@ -83,9 +83,9 @@ if TYPE_CHECKING:
     from blendcap.metrics import evaluate as evaluate
     from blendcap.modeling.detail import bake_normals as bake_normals
     from blendcap.modeling.examples import refine_rig as refine_rig
+    from blendcap.modeling.landmark_training import train_landmarks as train_landmarks
     from blendcap.modeling.landmarks import find_landmarks as find_landmarks
     from blendcap.modeling.registration import register as register
-    from blendcap.modeling.training import train_landmarks as train_landmarks
     from blendcap.modeling.transfer import transfer_rig as transfer_rig
     from blendcap.numerics.boxls import solve_box as solve_box
     from blendcap.solving.settings import SolveSettings as SolveSettings

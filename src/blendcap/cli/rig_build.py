@@ -62,8 +62,9 @@ def build(
     from blendcap.cli.rig_examples import example_files, refined
     from blendcap.io import read_mesh, read_rig, write_rig
     from blendcap.modeling.build import build_rig
-    from blendcap.modeling.scan_repair import ready_scan
-    from blendcap.view.rig_report import rig_facts, write_rig_report
+    from blendcap.modeling.landmark_pairs import find_pairs
+    from blendcap.modeling.scan_repair import ready_scan, unit_by_landmarks
+    from blendcap.view.rig_report import doubts, rig_facts, write_rig_report
 
     check_outputs([output], RIGS)
     check_outputs([report], PAGES)
@@ -73,9 +74,9 @@ def build(
         raw = read_mesh(scan, unit or "mm")
         base = blendcap.mannequin() if template is None else read_rig(template)
     with progress.step("landmarks", "Find landmarks" if landmarks is None else f"Read {landmarks}"):
-        given, notes = find_pairs(raw, base) if landmarks is None else (read_landmarks(landmarks, raw, base), [])
+        given, notes = find_pairs(raw, base) if landmarks is None else (_read_landmarks(landmarks, raw, base), [])
         stated = unit is not None or scan.suffix.lower() in (".glb", ".gltf")
-        unit_mm, note = (1.0, None) if stated else _unit(given, base)
+        unit_mm, note = (1.0, None) if stated else unit_by_landmarks(given, base)
         ready = ready_scan(raw, unit_mm)
         notes = [*notes, *([note] if note else []), *ready.notes]
     if not as_json:
@@ -92,39 +93,23 @@ def build(
         with progress.step("report", f"Write {report}"):
             steps = [f"Open {output.name} in Blender, or with blendcap view."]
             write_rig_report(report, built, base, notes=notes, seconds=progress.seconds, next_steps=steps)
+    found = rig_facts(built, base)
+    concerns = doubts(built, found)
     facts: dict[str, Any] = {
         "vertices": len(built.rig.mesh.vertices), "shapes": len(built.rig.names), "unit_mm": ready.unit_mm,
-        "notes": notes, **rig_facts(built, base), "solver": built.registration.backend,
+        "notes": notes, "concerns": concerns, **found, "solver": built.registration.backend,
         "converged": all(level.converged for level in built.registration.levels), "seconds": progress.seconds,
         "wrote": [str(path) for path in (output, report) if path is not None],
     }  # fmt: skip
-    (print_json if as_json else print_lines)(facts)
+    if as_json:
+        print_json(facts)
+        return
+    print_lines({name: fact for name, fact in facts.items() if name not in ("notes", "concerns")})
+    for concern in concerns:
+        print(concern)
 
 
-def _unit(given, template: Rig) -> tuple[float | None, str | None]:
-    """The scan's unit by its landmarks, if there are enough, and what to say of it."""
-    from blendcap.modeling.scan_repair import unit_by_face
-    from blendcap.numerics.similarity import align
-
-    if given is None or len(given[1]) < 3:
-        return None, None
-    return unit_by_face(float(align(given[0].positions(template.mesh), given[1])[2]))
-
-
-def find_pairs(scan: Mesh, template: Rig) -> tuple[tuple[SurfacePoints, np.ndarray] | None, list[str]]:
-    """Landmarks found on a scan, with their partners on the template; a sentence where none were."""
-    from blendcap.modeling.landmark_names import rig_landmarks
-    from blendcap.modeling.landmarks import find_landmarks
-
-    try:
-        there, here = find_landmarks(scan), rig_landmarks(template)
-    except blendcap.InputError as error:
-        return None, [f"No landmarks were found, so the template is aligned by its shape: {error}"]
-    names = [name for name in here.names if name in there.names]
-    return (here.select(names), there.select(names).positions(scan)), []
-
-
-def read_landmarks(path: Path, scan: Mesh, template: Rig) -> tuple[SurfacePoints, np.ndarray]:
+def _read_landmarks(path: Path, scan: Mesh, template: Rig) -> tuple[SurfacePoints, np.ndarray]:
     """Landmarks of a file, on the scan as it was read: their partners on the template, and their places (L, 3)."""
     import numpy as np
 

@@ -10,8 +10,6 @@ import blendcap
 from blendcap.cli.progress import Progress
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from blendcap.data import Rig
 
 log = logging.getLogger(__name__)
@@ -31,9 +29,10 @@ def example_files(folder: Path, neutral: Path) -> list[Path]:
 
 def refined(rig: Rig, files: list[Path], unit_mm: float, template: Rig, progress: Progress) -> Rig:
     """The rig with its shapes refined by scans of expressions, each registered first."""
-    from blendcap.cli.rig_build import find_pairs
     from blendcap.io import read_mesh
     from blendcap.modeling.build import register_example
+    from blendcap.modeling.examples import asked_for
+    from blendcap.modeling.landmark_pairs import find_pairs
     from blendcap.modeling.scan_repair import ready_scan
 
     meshes = []
@@ -49,20 +48,4 @@ def refined(rig: Rig, files: list[Path], unit_mm: float, template: Rig, progress
             meshes.append(register_example(rig, ready.mesh, scaled))
             tell(number + 1)
     with progress.step("refine", "Refine the shapes by the examples"):
-        return blendcap.refine_rig(rig, meshes, asked_for(rig, files))
-
-
-def asked_for(rig: Rig, files: list[Path]) -> np.ndarray | None:
-    """Weights (J, N) of examples that are all named after a shape of the rig, `jawOpen.obj`; None otherwise."""
-    import numpy as np
-
-    from blendcap.data.names import canonical
-
-    place = {canonical(name): i for i, name in enumerate(rig.names)}
-    rows = [place.get(canonical(file.stem)) for file in files]
-    if any(row is None for row in rows):
-        return None
-    weights = np.zeros((len(files), len(rig.names)))
-    for j, row in enumerate(rows):
-        weights[j, row] = 1
-    return weights
+        return blendcap.refine_rig(rig, meshes, asked_for(rig, [file.stem for file in files]))

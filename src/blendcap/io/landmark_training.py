@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from blendcap.data import InputError, LandmarkModel
-from blendcap.io.npz import read_meta, read_npz, write_npz
+from blendcap.io.models import read_model, write_model
 from blendcap.io.opening import read_bytes, read_json, reading
 
 RECTANGLES = "rectangles.json"
@@ -39,17 +39,12 @@ def read_annotated(folder: str | os.PathLike) -> tuple[list[np.ndarray], list[di
 
 def read_landmark_model(path: str | os.PathLike) -> LandmarkModel:
     """A detector from an .npz that `write_landmark_model` wrote."""
-    with reading(path, "landmark model"):
-        arrays = read_npz(path)
-        meta = read_meta(arrays, path)
-        if meta.get("kind") != KIND or meta.get("version") != VERSION:
-            raise InputError(f"{path} is no landmark model of version {VERSION}; train it again.")
-        return LandmarkModel.from_arrays(arrays)
+    return LandmarkModel.from_arrays(read_model(path, KIND, VERSION)[1])
 
 
 def write_landmark_model(path: str | os.PathLike, model: LandmarkModel) -> None:
     """Write a detector as .npz; its filters keep half precision."""
-    write_npz(path, {"kind": KIND, "version": VERSION, "unit": "pixel"}, **model.arrays())
+    write_model(path, KIND, VERSION, {"unit": "pixel"}, model.arrays())
 
 
 def _picture(path: Path) -> np.ndarray:

@@ -39,9 +39,7 @@ def align_by_shape(vertices: np.ndarray, faces: np.ndarray, visible: np.ndarray,
     return similarity
 
 
-def icp(
-    points: np.ndarray, normals: np.ndarray, surface: ScanSurface, start: Similarity, scale: bool = True
-) -> tuple[Similarity, float]:
+def icp(points: np.ndarray, normals: np.ndarray, surface: ScanSurface, start: Similarity) -> tuple[Similarity, float]:
     """Trimmed iterative closest points with compatible normals.
 
     Parameters
@@ -51,8 +49,6 @@ def icp(
     surface : ScanSurface
     start : similarity
         Rotation, translation and scale to begin with.
-    scale : bool
-        Fit the scale too.
 
     Returns
     -------
@@ -70,7 +66,7 @@ def icp(
         limit = np.quantile(distance[good], KEPT)
         kept = good & (distance <= limit)
         misfit = float(np.sqrt((distance[kept] ** 2).mean()))
-        better = align(points[kept], targets[kept], scale)
+        better = align(points[kept], targets[kept])
         moved = np.linalg.norm(apply(points, *better) - placed, axis=1).max()
         similarity = better
         if moved < STILL * size:

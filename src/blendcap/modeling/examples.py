@@ -10,6 +10,7 @@ import numpy as np
 
 from blendcap.data import InputError, Mesh, Rig
 from blendcap.data.checks import array
+from blendcap.data.names import canonical
 from blendcap.modeling.contacts import find_contacts
 from blendcap.modeling.differences import Differences, Faces, surface_of
 from blendcap.modeling.facial_rigging import make_surface, rig_from_examples, shapes_from_examples
@@ -90,6 +91,18 @@ def refine(
         made = rig_from_examples(surface, rig.deltas.astype(np.float64), moved, given, rig.bounds)
         return Refinement(replace(rig, deltas=made.deltas), made.weights, made.energies, made.max_kkt, made.residual)
     return _with_fields(rig, moved, given)
+
+
+def asked_for(rig: Rig, names: Sequence[str]) -> np.ndarray | None:
+    """Weights (J, N) of examples that are all named after a shape of the rig, in any spelling; None otherwise."""
+    place = {canonical(name): i for i, name in enumerate(rig.names)}
+    rows = [place.get(canonical(name)) for name in names]
+    if any(row is None for row in rows):
+        return None
+    weights = np.zeros((len(names), len(rig.names)))
+    for j, row in enumerate(rows):
+        weights[j, row] = 1
+    return weights
 
 
 def _moved(rig: Rig, meshes: Sequence[Mesh]) -> np.ndarray:

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.ndimage import distance_transform_edt
 
 from blendcap.data import Camera, Mesh, SurfacePoints
+from blendcap.numerics.barycentric import barycentric_flat
 from blendcap.rendering import Fragments, rasterize, vertex_normals
 from blendcap.rendering.camera import look_at, project
 from blendcap.rendering.texture import texture_of
@@ -112,7 +113,7 @@ def lift(seen: Fragments, corners: np.ndarray, names, pixels: np.ndarray) -> Sur
     face = seen.face[near].astype(np.int64)
     inside = known[y, x]
     wanted = np.where(inside[:, None], pixels, np.stack(near[::-1], 1))
-    weights = _weights(corners[face], wanted)
+    weights = barycentric_flat(wanted, corners[face])
     weights = np.where(np.isfinite(weights).all(1, keepdims=True), weights, seen.barycentric[near])
     weights = np.clip(weights, 0, 1)
     return SurfacePoints(tuple(names), face, weights / weights.sum(1, keepdims=True))
@@ -122,15 +123,6 @@ def _nearest(known: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Row and column (H, W) of the known pixel nearest to each pixel."""
     places = np.asarray(distance_transform_edt(~known, return_distances=False, return_indices=True))
     return places[0], places[1]
-
-
-def _weights(corners: np.ndarray, pixels: np.ndarray) -> np.ndarray:
-    """Barycentric coordinates (M, 3) of pixels (M, 2) in triangles (M, 3, 2)."""
-    a, b, p = (points - corners[:, 0] for points in (corners[:, 1], corners[:, 2], pixels))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        double = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
-        v, w = (p[:, 0] * b[:, 1] - p[:, 1] * b[:, 0]) / double, (a[:, 0] * p[:, 1] - a[:, 1] * p[:, 0]) / double
-    return np.stack([1 - v - w, v, w], 1)
 
 
 def _form(vertices: np.ndarray, faces: np.ndarray, seen: Fragments) -> np.ndarray:

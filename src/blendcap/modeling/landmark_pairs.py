@@ -1,4 +1,4 @@
-"""Landmarks of a scan find their partners on a template: by name."""
+"""Landmarks of a scan, found or given, and their partners on a template: by name."""
 
 from __future__ import annotations
 
@@ -6,7 +6,26 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from blendcap.data import InputError, Rig, SurfacePoints
+from blendcap.data import InputError, Mesh, Rig, SurfacePoints
+from blendcap.modeling.landmark_names import rig_landmarks
+from blendcap.modeling.landmarks import find_landmarks
+
+
+def find_pairs(scan: Mesh, template: Rig) -> tuple[tuple[SurfacePoints, np.ndarray] | None, list[str]]:
+    """Landmarks found on a scan, with their partners on the template; a sentence where none were.
+
+    Returns
+    -------
+    pairs : (SurfacePoints (L), (L, 3) float64) or None
+        Points on the template and where they are on the scan, as `register` takes them.
+    notes : list of str
+    """
+    try:
+        there, here = find_landmarks(scan), rig_landmarks(template)
+    except InputError as error:
+        return None, [f"No landmarks were found, so the template is aligned by its shape: {error}"]
+    names = [name for name in here.names if name in there.names]
+    return (here.select(names), there.select(names).positions(scan)), []
 
 
 def partners(template: Rig, names: Sequence[str]) -> SurfacePoints:

@@ -13,8 +13,8 @@ from blendcap.modeling.detection import detect, detect_paper
 from blendcap.modeling.detectors import Detectors, shipped
 from blendcap.modeling.face_search import search_face
 from blendcap.modeling.frontal import Frontal, frontal, lift, out_of_gaps
+from blendcap.modeling.landmark_training import as_picture
 from blendcap.modeling.lines import line_points, trace_learned, trace_paper
-from blendcap.modeling.training import as_picture
 from blendcap.numerics.similarity import align_robust
 from blendcap.rendering.texels import texels_of, uv_pixels
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import KDTree
 
+from blendcap.numerics.closest import Closest
 from blendcap.numerics.surfaces import border_vertices, vertex_normals
 
 
 class ScanSurface:
-    """A scan made ready for closest-point queries, exact on its triangles (libigl's AABB tree).
+    """A scan made ready for closest-point queries, exact on its triangles.
 
     Parameters
     ----------
@@ -22,22 +23,16 @@ class ScanSurface:
     """
 
     def __init__(self, vertices: np.ndarray, faces: np.ndarray):
-        import igl
-
-        self.vertices = np.ascontiguousarray(vertices, dtype=np.float64)
-        self._faces = np.ascontiguousarray(faces, dtype=np.int64)
-        self._tree = igl.AABB()
-        self._tree.init(self.vertices, self._faces)
+        self._closest = Closest(vertices, faces)
+        self.vertices, self._faces = self._closest.vertices, self._closest.faces
         self._normals = vertex_normals(self.vertices, self._faces)
         on_border = border_vertices(self._faces, len(self.vertices))
         self._border = np.asarray(on_border[self._faces].any(1))
 
     def closest(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The closest points (n, 3) to places (n, 3), their distances (n,) and the triangles (n,) they lie on."""
-        squared, faces, points = self._tree.squared_distance(
-            self.vertices, self._faces, np.ascontiguousarray(places, dtype=np.float64)
-        )
-        return np.asarray(points), np.sqrt(np.asarray(squared).ravel()), np.asarray(faces).ravel()
+        squared, faces, points = self._closest(places)
+        return points, np.sqrt(squared), faces
 
     def nearest_vertices(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """As `closest`, but among the scan's vertices only, as the paper does; the triangle is one of the vertex's."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,9 +15,10 @@ from blendcap.modeling.schedule import Schedule
 from blendcap.modeling.template import Skin
 from blendcap.numerics.anderson import Anderson
 from blendcap.numerics.leastsq import Backend
-from blendcap.numerics.surfaces import edges_of, vertex_normals
+from blendcap.numerics.surfaces import edges_of, turned_over, vertex_normals
 
 TOUCHING = 10.0  # stiffness between places that touch, in that of an edge of median length
+UNFOLD = 4  # times, at most, that matches are dropped because they fold the skin
 FEW = 0.05  # share of the visible template that must find a match
 HEAD = (
     4.75  # diagonal of a face's box over the root mean square distance from its centre: what stiffness is relative to
@@ -74,7 +75,7 @@ def fit_skin(
     unit = (start - center) / size
     field = AffineField(unit, *_edges(unit, skin, schedule.even), sampling, backend)
     held = (positions - center) / size
-    match = _Matcher(skin, surface, schedule, center, size)
+    match = _Matcher(skin, surface, schedule, center, size, unit)
     maps, levels, costs = field.identity, [], []
     for number, (alpha, beta) in enumerate(zip(schedule.stiffness, schedule.landmarks, strict=True)):
         maps, weights, targets, level = _settle(field, maps, match, alpha, beta, held, schedule, size)
@@ -82,6 +83,12 @@ def fit_skin(
         costs.append(field.energies(maps, weights, targets, held))
         if tell is not None:
             tell(number + 1)
+    for _ in range(UNFOLD):
+        if not match.drop_folds(field.moved(maps)):
+            break
+        maps, weights, targets, level = _settle(field, maps, match, alpha, beta, held, schedule, size)
+        levels[-1] = replace(level, steps=levels[-1].steps + level.steps)
+        costs[-1] = field.energies(maps, weights, targets, held)
     fitted = field.moved(maps)
     weights, _ = match(fitted)
     vertices = fitted * size + center
@@ -112,16 +119,20 @@ def _settle(field, maps, match, alpha, beta, held, schedule: Schedule, size: flo
 class _Matcher:
     """Weights (n,) and targets (n, 3) of the data term, for vertices in the template's own scale."""
 
-    def __init__(self, skin: Skin, surface: ScanSurface, schedule: Schedule, center: np.ndarray, size: float):
+    def __init__(
+        self, skin: Skin, surface: ScanSurface, schedule: Schedule, center: np.ndarray, size: float, start: np.ndarray
+    ):
         self._skin, self._surface, self._schedule = skin, surface, schedule
         self._center, self._size = center, size
+        self._folded_before = turned_over(start, skin.faces)
+        self._fitted = skin.visible
 
     def __call__(self, vertices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         placed, schedule = vertices * self._size + self._center, self._schedule
         find = self._surface.closest if schedule.triangles else self._surface.nearest_vertices
         points, distance, faces = find(placed)
         normals = vertex_normals(placed, self._skin.faces)
-        good = self._skin.visible & self._surface.believable(
+        good = self._fitted & self._surface.believable(
             faces, distance, normals, schedule.cosine, schedule.reach * self._size
         )
         if good.sum() < FEW * max(self._skin.visible.sum(), 1):
@@ -131,6 +142,15 @@ class _Matcher:
                 "outwards."
             )
         return good.astype(np.float64), (points - self._center) / self._size
+
+    def drop_folds(self, vertices: np.ndarray) -> bool:
+        """Stop fitting triangles that came to lie folded over, and those around them; whether any were still fitted."""
+        faces = self._skin.faces
+        folded = np.zeros(len(vertices), dtype=bool)
+        folded[faces[turned_over(vertices, faces) & ~self._folded_before]] = True
+        folded[faces[folded[faces].any(1)]] = True
+        before, self._fitted = self._fitted, self._fitted & ~folded
+        return bool((before & folded).any())
 
 
 def _edges(vertices: np.ndarray, skin: Skin, even: bool) -> tuple[np.ndarray, np.ndarray]:

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from blendcap.data import InputError, Mesh
+from blendcap.data import InputError, Mesh, Rig, SurfacePoints
+from blendcap.numerics.similarity import align
 from blendcap.numerics.surfaces import face_normals, parts
 
 UNITS = {"millimetres": 1.0, "centimetres": 10.0, "inches": 25.4, "decimetres": 100.0, "metres": 1000.0}
@@ -77,6 +78,13 @@ def ready_scan(scan: Mesh, unit_mm: float | None = None) -> ReadyScan:
         return ReadyScan(Mesh(vertices, faces), unit_mm, tuple(notes))
     mesh = Mesh(vertices, faces, uv=scan.uv, uv_faces=uv_faces, texture=scan.texture)
     return ReadyScan(mesh, unit_mm, tuple(notes))
+
+
+def unit_by_landmarks(pairs: tuple[SurfacePoints, np.ndarray] | None, template: Rig) -> tuple[float | None, str | None]:
+    """The scan's unit in mm by pairs of landmarks, if there are enough, and what to say of it; see `unit_by_face`."""
+    if pairs is None or len(pairs[1]) < 3:
+        return None, None
+    return unit_by_face(float(align(pairs[0].positions(template.mesh), pairs[1])[2]))
 
 
 def unit_by_face(template_size: float) -> tuple[float, str | None]:

@@ -24,7 +24,7 @@ class Schedule:
     tolerance : float
         A level ends when vertices move less than this in a step (root mean square), as a share of the template's size.
     steps : int
-        The most steps of a level.
+        The most steps of a level; nearly all end after fewer than 15.
     cosine : float
         The least cosine between the normals of a vertex and of its match.
     reach : float
@@ -38,7 +38,7 @@ class Schedule:
     even: bool = True
     memory: int = 5
     tolerance: float = 1e-4
-    steps: int = 15
+    steps: int = 60
     cosine: float = 0.5
     reach: float = 0.05
     triangles: bool = True

@@ -1,8 +1,8 @@
 """Pictures of meshes: a z-buffer rasterizer, lights and shading, with no GPU and no display."""
 
+from blendcap.numerics.surfaces import vertex_normals
 from blendcap.rendering.appearance import default_colors
 from blendcap.rendering.camera import face_camera, look_at, project
-from blendcap.rendering.normals import vertex_normals
 from blendcap.rendering.rasterize import Fragments, rasterize
 from blendcap.rendering.relief import Tangents, tangents_of
 from blendcap.rendering.render import Surface, prepare, prepare_rig, render, shaped

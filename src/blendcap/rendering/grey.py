@@ -14,8 +14,8 @@ import numpy as np
 from numba import njit
 
 from blendcap.data import Camera
+from blendcap.numerics.surfaces import vertex_normals
 from blendcap.rendering.camera import to_homogeneous
-from blendcap.rendering.normals import vertex_normals
 from blendcap.rendering.rasterize import edges, fill, line_up
 
 # columns of the table of what is interpolated over a triangle

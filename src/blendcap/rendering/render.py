@@ -8,11 +8,11 @@ from functools import lru_cache
 import numpy as np
 
 from blendcap.data import Camera, InputError, Mesh, Rig
+from blendcap.numerics.surfaces import vertex_normals
 from blendcap.rendering.appearance import SKIN, default_colors, hidden_vertices
 from blendcap.rendering.camera import to_homogeneous
 from blendcap.rendering.color import to_linear
 from blendcap.rendering.light import box, light_camera, openness, shadow_map
-from blendcap.rendering.normals import vertex_normals
 from blendcap.rendering.parallel import each_band
 from blendcap.rendering.rasterize import BAND, fill, line_up
 from blendcap.rendering.relief import FLAT, Relief, relief_of

@@ -13,8 +13,9 @@ from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 
 from blendcap.data import InputError, Rig
+from blendcap.numerics.barycentric import barycentric_flat
 from blendcap.rendering.rasterize import visibility
-from blendcap.synthetic.paint import Stroke, barycentric, landmarks68, skin_faces
+from blendcap.synthetic.paint import Stroke, landmarks68, skin_faces
 
 # Strokes of the subject's right side (_right, mirrored for _left) and of the middle. A place is a mean of landmarks
 # plus (dx, dy) in distances between the outer corners of the eyes: dx to the subject's left, dy up.
@@ -149,7 +150,7 @@ class _Front:
         inside = (row >= 0) & (column >= 0) & (row < self.seen.shape[0]) & (column < self.seen.shape[1])
         face = np.where(inside, self.seen[np.where(inside, row, 0), np.where(inside, column, 0)], -1)
         corners = self.vertices[self.faces[face]]
-        weights = barycentric(path, corners[..., :2]).clip(0, 1)  # a pixel's middle may be in the face next to it
+        weights = barycentric_flat(path, corners[..., :2]).clip(0, 1)  # a pixel's middle may be in the face next to it
         points = np.einsum("kc,kcd->kd", weights / weights.sum(1, keepdims=True), corners)
         kept = face >= 0
         kept[1:] &= np.abs(np.diff(points[:, 2])) < CLIFF

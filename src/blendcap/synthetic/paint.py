@@ -11,6 +11,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
 from blendcap.data import InputError, Mesh, Rig
+from blendcap.numerics.barycentric import barycentric_flat
 from blendcap.numerics.geodesic import weld
 from blendcap.rendering import default_colors, vertex_normals
 from blendcap.rendering.rasterize import visibility
@@ -146,23 +147,12 @@ def _texels(rig: Rig, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.nda
     seen = visibility(flat, corners, (TEXELS, TEXELS))[0]
     rows, columns = np.nonzero(seen >= 0)
     found = seen[rows, columns]
-    weights = barycentric(np.column_stack([columns, rows]).astype(np.float64), pixels[corners[found]])
+    weights = barycentric_flat(np.column_stack([columns, rows]).astype(np.float64), pixels[corners[found]])
     vertices = mesh.faces[faces][found]
     normals = vertex_normals(mesh.vertices, mesh.faces)
     place = np.einsum("kc,kcd->kd", weights, mesh.vertices[vertices])
     normal = np.einsum("kc,kcd->kd", weights, normals[vertices])
     return rows, columns, place, normal
-
-
-def barycentric(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """Weights (K, 3) of the corners (K, 3, 2) of flat triangles at points (K, 2)."""
-    a, b, c = (corners[:, k] for k in range(3))
-    parts = _cross(b - points, c - points), _cross(c - points, a - points), _cross(a - points, b - points)
-    return np.stack(parts, 1) / _cross(b - a, c - a)[:, None]
-
-
-def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
 
 
 def _depth(layer: list[Stroke], rig: Rig, place: np.ndarray, normal: np.ndarray, reach: float) -> np.ndarray:

@@ -6,8 +6,8 @@ import igl
 import numpy as np
 
 from blendcap.data import Mesh
+from blendcap.numerics.closest import Closest
 from blendcap.rendering import vertex_normals
-from blendcap.synthetic.scans_surface import Closest
 
 BROWS, CHIN, EARS = slice(17, 27), 8, (0, 16)  # of the 68 landmarks
 HAIRLINE = ((-0.75, -0.32), (-0.5, 0.16), (-0.1, 0.22), (0.2, 0.12), (0.5, 0.28), (0.8, 0.50), (1.1, 0.56))

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import igl
 import numpy as np
 from scipy.ndimage import binary_dilation
 from scipy.sparse import csr_matrix
@@ -17,6 +16,8 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial.transform import Rotation
 
 from blendcap.data import Camera
+from blendcap.numerics.barycentric import barycentric
+from blendcap.numerics.closest import Closest
 from blendcap.rendering import look_at, rasterize
 from blendcap.rendering.camera import to_homogeneous
 
@@ -96,33 +97,8 @@ def resurface(vertices: np.ndarray, faces: np.ndarray, spacing: float, rng: np.r
     kept, triangles = _tidied(np.arange(len(drawn)), triangles)
     places = seen[nearest[kept]]
     corners = vertices[faces[places]]
-    weights = barycentric_of(closest[kept], corners)
+    weights = barycentric(closest[kept], corners)
     return Resurfaced(np.einsum("vk,vkc->vc", weights, corners), triangles, places, weights)
-
-
-class Closest:
-    """The closest points of a mesh, vertices (V, 3) and faces (F, 3)."""
-
-    def __init__(self, vertices: np.ndarray, faces: np.ndarray):
-        self.mesh = np.ascontiguousarray(vertices, dtype=np.float64), np.ascontiguousarray(faces, dtype=np.int64)
-        self.tree = igl.AABB()
-        self.tree.init(*self.mesh)
-
-    def __call__(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Squared distances (P,), mm², faces (P,) and closest points (P, 3) of points (P, 3)."""
-        squared, face, closest = self.tree.squared_distance(*self.mesh, np.ascontiguousarray(points))
-        return np.asarray(squared), np.asarray(face), np.asarray(closest)
-
-
-def barycentric_of(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """Weights (P, 3), none negative, of points (P, 3) in their triangles (P, 3, 3)."""
-    one, two, arm = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], points - corners[:, 0]
-    aa, ab, bb = (one**2).sum(1), (one * two).sum(1), (two**2).sum(1)
-    pa, pb = (arm * one).sum(1), (arm * two).sum(1)
-    area = np.maximum(aa * bb - ab**2, 1e-30)
-    v, w = (bb * pa - ab * pb) / area, (aa * pb - ab * pa) / area
-    weights = np.clip(np.stack([1 - v - w, v, w], axis=1), 0, None)
-    return weights / weights.sum(1, keepdims=True)
 
 
 def _cameras(vertices: np.ndarray, pixel: float):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -47,7 +48,7 @@ def write_rig_report(
     facts = rig_facts(built, template)
     sections = [
         ("Summary", _summary(facts)),
-        ("Look twice", page.sentences([*notes, *_doubts(built, facts)], "concerns")),
+        ("Look twice", page.sentences([*notes, *doubts(built, facts)], "concerns")),
         ("The scan, the template before, the rig after", _sides(built)),
         ("Distance to the scan", page.figure(
             page.image(heatmap(rig, found.distance, size=(1140, 520), yaws=SIDES), "heat map"),
@@ -62,14 +63,15 @@ def write_rig_report(
         temporary.write_text(page.page(f"Rig from a scan, by {template.name}", lead, sections), encoding="utf-8")
 
 
-def rig_facts(built: BuiltRig, template: Rig) -> dict[str, float]:
-    """The numbers of a built rig: distances to the scan, mm, flipped triangles, and gaps of lids and lips, mm."""
+def rig_facts(built: BuiltRig, template: Rig) -> dict[str, Any]:
+    """What is known of a built rig: distances to the scan, mm, flipped triangles, and gaps of lids and lips, mm."""
     distance = built.registration.distance
     known = distance[np.isfinite(distance)]
-    facts = {
+    facts: dict[str, Any] = {
         "median_mm": float(np.median(known)), "p95_mm": float(np.percentile(known, 95)),
         "matched": len(known) / len(distance),
-        "flipped": len(built.registration.flipped), "scale": float(built.registration.alignment[2]),
+        "flipped": len(built.registration.flipped), "flipped_in": _places_of_folds(built),
+        "scale": float(built.registration.alignment[2]),
     }  # fmt: skip
     contacts = dict(find_contacts(template)) | dict(template.contacts)
     for name, shapes in CLOSING.items():
@@ -78,6 +80,16 @@ def rig_facts(built: BuiltRig, template: Rig) -> dict[str, float]:
             facts[f"{name}_gap_mm"] = float(gaps(_posed(built.rig, shapes), pairs).mean())
             facts[f"{name}_gap_template_mm"] = float(gaps(_posed(template, shapes), pairs).mean())
     return facts
+
+
+def _places_of_folds(built: BuiltRig) -> dict[str, int]:
+    """How many triangles are folded over in each region of the rig; a triangle in several counts in the smallest."""
+    rig, found = built.rig, {}
+    regions = sorted(rig.regions, key=lambda name: len(rig.regions[name]))
+    for face in rig.mesh.faces[built.registration.flipped]:
+        region = next((name for name in regions if np.isin(face, rig.regions[name]).all()), "elsewhere")
+        found[region] = found.get(region, 0) + 1
+    return found
 
 
 def _place(rig: Rig, name: str) -> int | None:
@@ -93,7 +105,7 @@ def _posed(rig: Rig, shapes: Sequence[str]) -> np.ndarray:
     return rig.pose(weights)
 
 
-def _summary(facts: Mapping[str, float]) -> str:
+def _summary(facts: Mapping[str, Any]) -> str:
     cards = [
         ("from the scan, median", f"{facts['median_mm']:.2f} mm", "good" if facts["median_mm"] < 0.6 else "bad"),
         ("95 % are closer than", f"{facts['p95_mm']:.2f} mm", ""),
@@ -109,15 +121,25 @@ def _summary(facts: Mapping[str, float]) -> str:
     return page.cards(cards)
 
 
-def _doubts(built: BuiltRig, facts: Mapping[str, float]) -> list[str]:
+def doubts(built: BuiltRig, facts: Mapping[str, Any]) -> list[str]:
+    """What speaks against a built rig, and what to do about it, a sentence each; `facts` as `rig_facts` gives them."""
     found, lines = built.registration, []
     if facts["median_mm"] > 0.6:
         lines.append("The rig lies far from the scan: check the landmarks, and that the face is neutral.")
     if facts["flipped"]:
-        lines.append(f"{facts['flipped']} triangles are folded over; look at the pictures, lids and lips first.")
-    slow = [f"{level.stiffness:g}" for level in found.levels if not level.converged]
-    if slow:
-        lines.append(f"At stiffness {', '.join(slow)} the template was still moving when the steps ran out.")
+        where = ", ".join(f"{count} in {region}" for region, count in facts["flipped_in"].items())
+        lines.append(
+            f"{facts['flipped']} triangles are folded over ({where}); those in ears, or inside of lips, may "
+            "be left so, others ask for more landmarks around them."
+        )
+    for number, level in enumerate(found.levels):
+        if not level.converged:
+            weighs = "only a start for the levels after it" if number < len(found.levels) - 1 else "the answer"
+            lines.append(
+                f"At stiffness {level.stiffness:g}, which is {weighs}, the template still moved by {level.change:.2f} "
+                f"mm a step after {level.steps} steps; if it is off in the pictures, give landmarks, or cut hair and "
+                "clothes off the scan."
+            )
     if not 0.8 < facts["scale"] < 1.25:
         lines.append(f"The face is {facts['scale']:.2f} times as large as the template's: is the scan's unit right?")
     return lines

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from itertools import pairwise
 
-import igl
 import numpy as np
 
+from blendcap.numerics.closest import Closest
 from blendcap.synthetic.mannequin.cage import ring
 from blendcap.synthetic.mannequin.face import Face
 from blendcap.synthetic.mannequin.identity import GLOBE_RADIUS
@@ -137,16 +137,14 @@ def along_bone(face: Face, moved: np.ndarray, skin: np.ndarray, faces: np.ndarra
     shape, at = np.nonzero(np.linalg.norm(moved, axis=2) * bony > 1e-6)
     step, normal, start = moved[shape, at], face.normals[at], face.points[at]
     height = (step * normal).sum(1, keepdims=True)
-    tree = igl.AABB()
-    surface, triangles = np.ascontiguousarray(skin), np.ascontiguousarray(faces)
-    tree.init(surface, triangles)
-    _, _, rest = tree.squared_distance(surface, triangles, np.ascontiguousarray(face.points[np.unique(at)]))
-    _, hit, ends = tree.squared_distance(surface, triangles, np.ascontiguousarray(start + step - height * normal))
-    a, b, c = (surface[triangles[np.ravel(hit), k]] for k in range(3))
+    closest = Closest(skin, faces)
+    _, _, rest = closest(face.points[np.unique(at)])
+    _, hit, ends = closest(start + step - height * normal)
+    a, b, c = (skin[faces[hit, k]] for k in range(3))
     upward = np.cross(b - a, c - a)
     upward /= np.linalg.norm(upward, axis=1, keepdims=True)
-    began = np.asarray(rest)[np.searchsorted(np.unique(at), at)]
-    slid = np.asarray(ends) - began + height * upward
+    began = rest[np.searchsorted(np.unique(at), at)]
+    slid = ends - began + height * upward
     slid[start[:, 0] <= 1e-9, 0] = 0
     kept = moved.copy()
     kept[shape, at] += bony[at, None] * (slid - step)
