@@ -6,10 +6,11 @@ import pytest
 import trimesh
 
 from blendcap import InputError, mannequin, read_rig
+from blendcap.numerics.barycentric import barycentric
 from blendcap.rendering import vertex_normals
 from blendcap.synthetic.performer import make_performer
 from blendcap.synthetic.scans import Scan, make_scan
-from blendcap.synthetic.scans_surface import DISTANCE, VIEWS, barycentric_of
+from blendcap.synthetic.scans_surface import DISTANCE, VIEWS
 
 SPACING = 3.0
 
@@ -199,7 +200,7 @@ def test_bad_input_is_told_in_a_sentence(rig):
 def test_barycentric_weights_give_the_point_back():
     rng = np.random.default_rng(0)
     corners, weights = rng.normal(size=(50, 3, 3)), rng.dirichlet(np.ones(3), size=50)
-    assert np.allclose(barycentric_of(np.einsum("pk,pkc->pc", weights, corners), corners), weights)
+    assert np.allclose(barycentric(np.einsum("pk,pkc->pc", weights, corners), corners), weights)
 
 
 @pytest.mark.slow
