@@ -254,6 +254,52 @@ def test_acceleration_ends_where_the_plain_iteration_ends():
     assert sum(level.steps for level in fast.levels) < 0.5 * sum(level.steps for level in slow.levels)
 
 
+def test_a_template_and_a_scan_that_lack_different_parts():
+    """The chin is not in the template, the forehead not in the scan: what both have is found, the rest is told."""
+    scan, pairs = masks.scan(**OTHER), masks.landmarks(TEMPLATE, PARAMETERS, **OTHER)
+    low = np.quantile(scan.vertices[:, 1], 0.7)
+    cut = Mesh(scan.vertices, scan.faces[(scan.vertices[scan.faces, 1] < low).all(1)])
+    half = Mesh(TEMPLATE.vertices, TEMPLATE.faces[(PARAMETERS[TEMPLATE.faces, 1] > -0.6).all(1)])
+    points, places = pairs
+    face = np.array([np.flatnonzero((half.faces == TEMPLATE.faces[f][np.argmax(w)]).any(1))[:1] for f, w in zip(
+        points.faces, points.barycentric, strict=True)], dtype=object)  # fmt: skip
+    kept = [k for k, found in enumerate(face) if len(found) and places[k, 1] < low]
+    rows = [int(TEMPLATE.faces[points.faces[k]][np.argmax(points.barycentric[k])]) for k in kept]
+    ours = SurfacePoints.at_vertices([str(k) for k in kept], rows, half)
+    answer = register(half, cut, (ours, places[kept]))
+    truth = masks.mask(PARAMETERS, **OTHER)
+    used = np.isin(np.arange(len(truth)), half.faces)
+    both = used & inside() & (truth[:, 1] < low - 10)
+    assert error(answer, **OTHER)[both].mean() < 1.5
+    assert np.isnan(answer.distance[used & (truth[:, 1] > low + 15)]).all()
+    assert np.isfinite(answer.distance[both]).mean() > 0.9
+    assert not len(answer.flipped) and answer.levels[-1].matched < 0.8
+
+
+@pytest.mark.slow
+def test_nearer_to_the_truth_than_another_library_where_the_scan_has_a_hole():
+    """trimesh's nricp_amberg with its best steps. On a whole scan of so smooth a face its softer end lies nearer."""
+    trimesh = pytest.importorskip("trimesh")
+    pytest.importorskip("rtree")  # trimesh's closest points
+    from trimesh.registration import nricp_amberg
+
+    scan = masks.scan(noise=0.1, hole=(0.3, 0.1, 0.25), **OTHER)
+    points, places = masks.landmarks(TEMPLATE, PARAMETERS, **OTHER)
+    ours = register(TEMPLATE, scan, (points, places))
+    start = apply(TEMPLATE.vertices, *ours.alignment)
+    theirs = nricp_amberg(
+        *(trimesh.Trimesh(v, f, process=False) for v, f in ((start, TEMPLATE.faces), (scan.vertices, scan.faces))),
+        source_landmarks=np.argmax(points.matrix(TEMPLATE).toarray(), axis=1), target_positions=places,
+        steps=[[0.1, 10, 0.5, 10], [0.05, 5, 0.5, 10], [0.02, 2, 0.5, 10], [0.01, 0.5, 0.5, 10], [0.005, 0, 0.5, 10]],
+        distance_threshold=0.05,
+    )  # fmt: skip
+    missed = [np.linalg.norm(v - masks.mask(PARAMETERS, **OTHER), axis=1) for v in (ours.mesh.vertices, theirs)]
+    hole = np.hypot(*(PARAMETERS - [0.3, 0.1]).T) < 0.25
+    assert missed[0].mean() < missed[1].mean()
+    assert missed[0][hole].mean() < 0.6 * missed[1][hole].mean()
+    assert len(ours.flipped) <= turned_over(theirs, TEMPLATE.faces).sum()
+
+
 def test_a_fold_is_seen():
     vertices = TEMPLATE.vertices.copy()
     middle = int(np.argmin((PARAMETERS**2).sum(1)))

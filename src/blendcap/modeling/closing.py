@@ -12,7 +12,7 @@ from blendcap.modeling.contacts import CLOSES, MEETS
 from blendcap.modeling.differences import GAUGE
 from blendcap.numerics.leastsq import factorize
 
-PATCH = 25.0  # mm around the pairs that a correction may reach, at the template's size
+PATCH = 10.0  # mm around the pairs that a correction may reach, at the template's size
 YIELD = 1e-4  # of the usual compliance: pairs that only a tear could close are left
 
 
