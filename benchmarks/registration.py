@@ -1,7 +1,7 @@
 """Non-rigid registration against trimesh's, on ten people nobody tuned on; writes its section of RESULTS.md.
 
 Run it with one BLAS thread (OPENBLAS_NUM_THREADS=1): small fronts are many times slower with two on a busy machine.
-`--keep-peer` measures blendcap only and takes the other rows from RESULTS.md as it stands: trimesh takes most of the time.
+`--keep-peer` measures blendcap only; the other rows, which take most of the time, are those that RESULTS.md has.
 `python benchmarks/registration.py --peak NAME` prints the peak memory of one method, for the run that calls it.
 """
 
