@@ -30,7 +30,8 @@ def paint_teeth(local: np.ndarray) -> np.ndarray:
     """Linear color (P, 3) of teeth and gum by distance along the arch, height and gap (P, 3)."""
     gap = np.clip(local[:, 2:], 0, 1)
     crown = smoothstep(0.10, 0.2, local[:, 1:2] - 0.08 * gap)
-    return (GUM + crown * (ENAMEL - GUM)) * (1 - 0.4 * gap)
+    back = smoothstep(12, 36, np.abs(local[:, :1]))  # molars lie in the shade of the cheeks, more than the sky can tell
+    return (GUM + crown * (ENAMEL - GUM)) * (1 - 0.4 * gap) * (1 - 0.65 * back)
 
 
 def paint_caruncle(directions: np.ndarray) -> np.ndarray:

@@ -208,7 +208,7 @@ def _teeth(person: Person, *, upper: bool) -> Part:
     rows, local = [], []
     for height, front, molar in _PROFILE:
         rounded = gap * (1.2 if upper else -1.2) * (height > 0.7)
-        rise = 0.0035 * x**2 * (1 if upper else 0.6)
+        rise = (0.0035 if upper else -0.0025) * x**2
         y = gum + height * (edge + rise + rounded - gum)
         depth = front + table * (molar - front) - 0.6 * gap
         rows.append(np.stack([x, y, z], 1) + outward * (_MOLAR + full * (depth - _MOLAR))[:, None])
