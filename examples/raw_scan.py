@@ -8,7 +8,6 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from PIL import Image
 
 import blendcap
 from blendcap.synthetic.performer import make_performer
@@ -22,7 +21,6 @@ smile[[person.names.index(name) for name in ("mouthSmileLeft", "mouthSmileRight"
 for name, weights in (("neutral", None), ("smile", smile)):
     scan = make_scan(person, weights, seed=3, spacing=2.5)  # 1.5 if not given: 80,000 vertices
     blendcap.write_mesh(folder / f"{name}.obj", scan.mesh)
-    Image.fromarray(scan.mesh.texture).save(folder / f"{name}.png")
     blendcap.write_mesh(folder / f"{name}_truth.obj", scan.expression)
     np.savez(folder / f"{name}_truth.npz", faces=scan.faces, barycentric=scan.barycentric, landmarks=scan.landmarks)
     off = (scan.mesh.vertices - scan.carried(scan.expression.vertices))[~scan.clutter]

@@ -232,6 +232,7 @@ def test_no_frames_is_no_work():
         ({"gram": np.eye(400), "linear": np.ones((2, 400))}, "320"),
         ({"linear": np.ones((2, 4))}, "linear"),
         ({"diagonal": np.ones((1, 3))}, "diagonal"),
+        ({"diagonal": np.full((2, 3), -3.0)}, "below 0"),
         ({"lower": 1.0}, "below upper"),
         ({"upper": [1, 2]}, "upper"),
         ({"lower": np.nan}, "NaN"),

@@ -15,6 +15,7 @@ import pytest
 import blendcap
 from blendcap import Animation, MarkerTake, Mesh, Rig
 from blendcap.cli import main
+from blendcap.data import landmarks68
 
 RATE, FRAMES = 60.0, 40
 NAMES = ("bumpLeft", "bumpRight", "lift")
@@ -113,7 +114,7 @@ def all_missing_marker(folder, rig, truth):
     positions = take.positions.copy()
     positions[:, 4] = np.nan
     blendcap.write_markers(folder / "gone.c3d", replace(take, positions=positions))
-    sentence = "The marker 'm36' is missing in every frame; leave it out or repair the take."
+    sentence = "The marker 'm36' is missing in every frame; take it out of the correspondences or repair the take."
     return changed(SOLVE, take="gone.c3d"), sentence
 
 
@@ -167,13 +168,19 @@ def rate_zero(folder, rig, truth):
 
 def unknown_shape(folder, rig, truth):
     blendcap.write_animation(folder / "other.csv", replace(truth, names=("bumpLeft", "bumpRight", "jawOpen")))
-    sentence = "The animation moves the shape 'jawOpen', for which there is no place; leave it out or map it."
+    sentence = (
+        "The animation moves the shape 'jawOpen', for which there is no place; rename it, or convert with --partial "
+        "(partial=True) to leave such shapes out."
+    )
     return ["convert", "other.csv", "new.glb", "--rig", "rig.glb"], sentence
 
 
 def unknown_shape_to_evaluate(folder, rig, truth):
     blendcap.write_animation(folder / "other.csv", replace(truth, names=("bumpLeft", "bumpRight", "jawOpen")))
-    sentence = "The answer has a shape 'jawOpen' that the rig 'sheet' lacks; rename or remove it."
+    sentence = (
+        "The answer has a shape 'jawOpen' that the rig 'sheet' lacks; rename or remove it, or write it in the rig's "
+        "shapes first: blendcap convert IN OUT --rig RIG."
+    )
     return ["evaluate", "other.csv", "truth.csv", "--rig", "rig.glb"], sentence
 
 
@@ -445,3 +452,15 @@ def test_as_a_program_with_its_exit_code_and_a_clean_standard_output(folder):
 def test_the_c3d_of_this_test_is_one_that_other_programs_read(folder):
     other = ezc3d.c3d(str(folder / "take.c3d"))
     assert other["data"]["points"].shape == (4, 25, FRAMES)
+
+
+def test_rig_convert_gives_a_rig_its_landmarks(folder, rig, capsys):
+    places = {str(i): int(rig.mesh.faces[i, 1]) for i in range(68)}
+    (folder / "landmarks68.json").write_text(json.dumps(places))
+    assert main(["rig", "convert", "rig.glb", "new.glb", "--points", "landmarks68.json"]) == 0
+    back = landmarks68(blendcap.read_rig(folder / "new.glb"))
+    there = rig.mesh.vertices[list(places.values())]
+    np.testing.assert_allclose(back.positions(rig.mesh), there, atol=1e-3)
+    (folder / "landmarks68.json").write_text('{"30": 99999999}')
+    assert main(["rig", "convert", "rig.glb", "other.glb", "--points", "landmarks68.json"]) == 1
+    assert "vertex 99999999" in capsys.readouterr().err and not (folder / "other.glb").exists()

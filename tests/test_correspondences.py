@@ -64,3 +64,17 @@ def test_places_that_were_found_can_be_written_and_used_again(rig, tmp_path):
     assert again.names == found.names
     np.testing.assert_array_equal(again.faces, found.faces)
     np.testing.assert_allclose(again.barycentric, found.barycentric, atol=1e-6)
+
+
+def test_every_place_that_is_written_can_be_read(rig, tmp_path):
+    weights = np.random.default_rng(0).dirichlet((1, 1, 1), 500)
+    found = SurfacePoints([f"m{i}" for i in range(500)], np.zeros(500, int), weights)
+    write_correspondences(tmp_path / "places.json", found)
+    again = resolve(rig, read_correspondences(tmp_path / "places.json"))
+    np.testing.assert_allclose(again.barycentric, weights, atol=2e-6)
+    np.testing.assert_allclose(again.barycentric.sum(1), 1, atol=1e-12)
+
+
+def test_places_rounded_by_hand_are_taken(rig):
+    places = resolve(rig, {"Chin": {"face": 0, "barycentric": [0.3333, 0.3333, 0.3333]}})
+    np.testing.assert_allclose(places.barycentric, 1 / 3)

@@ -189,5 +189,5 @@ def test_what_cannot_be_painted_is_refused(plain):
     bare = replace(plain, mesh=replace(plain.mesh, uv=None, uv_faces=None, texture=None))
     with pytest.raises(InputError, match=r"has no texture coordinates \(uv\)"):
         paint_face(bare)
-    with pytest.raises(InputError, match="has no points named 'landmarks68'"):
+    with pytest.raises(InputError, match="has no points 'landmarks68'"):
         paint_face(replace(in_tiles(plain), points={}))

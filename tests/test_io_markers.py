@@ -175,3 +175,13 @@ def test_trc_first_values(data):
     np.testing.assert_allclose(
         read_markers(data("c3d/trc_Anto.trc")).positions[0, 1], [-129.3447, -187.9931, 524.50153]
     )
+
+
+def test_a_marker_csv_cut_inside_its_last_row_is_said(tmp_path, caplog):
+    text = "# unit: mm\n# rate: 60\nframe,time,A_x,A_y,A_z\n0,0,1,2,3\n1,0.0167,1,2,3\n"
+    (tmp_path / "whole.csv").write_text(text)
+    (tmp_path / "cut.csv").write_text(text[:-4])
+    read_markers(tmp_path / "whole.csv")
+    assert not caplog.records
+    assert np.isnan(read_markers(tmp_path / "cut.csv").positions[1]).any()
+    assert "cut short" in caplog.text

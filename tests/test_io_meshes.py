@@ -170,3 +170,49 @@ def test_the_real_scan(data):
     assert len(read_mesh(data("scans/LeePerrySmith/LeePerrySmith.obj"), unit="cm").vertices) == 9223
     with pytest.raises(InputError, match="Draco"):
         read_mesh(data("scans/LeePerrySmith/LeePerrySmith.glb"))
+
+
+def textured(path):
+    texture = np.random.default_rng(0).integers(0, 256, (8, 4, 3), dtype=np.uint8)
+    uv = np.array([[0, 0], [1, 0], [1, 1], [0, 1.0]])
+    mesh = Mesh(100 * np.eye(4, 3), triangulate(np.array([[0, 1, 2, 3]])), uv=uv, texture=texture)
+    write_mesh(path, mesh)
+    return mesh
+
+
+def test_an_obj_keeps_its_texture(tmp_path):
+    mesh = textured(tmp_path / "a.obj")
+    np.testing.assert_array_equal(read_mesh(tmp_path / "a.obj").texture, mesh.texture)
+    (tmp_path / "maps").mkdir()
+    (tmp_path / "a_color.png").rename(tmp_path / "maps" / "skin color.png")
+    (tmp_path / "a.mtl").write_text("newmtl other\nmap_Kd b.png\nnewmtl skin\nKd 1 1 1\nmap_Kd maps\\skin color.png\n")
+    np.testing.assert_array_equal(read_mesh(tmp_path / "a.obj").texture, mesh.texture)
+
+
+@pytest.mark.parametrize(
+    ("material", "words"),
+    [
+        ("newmtl skin\nmap_Kd gone.png\n", "gone.png, which is not beside it"),
+        ("newmtl skin\nmap_Kd ../outside.png\n", "outside.png, which is not beside it"),
+        ("newmtl skin\nmap_Kd a.mtl\n", "a.mtl, which is not beside it or no picture"),
+        (None, "materials a.mtl, which are not beside it"),
+    ],
+)
+def test_a_texture_that_is_not_there_is_named(tmp_path, caplog, material, words):
+    (tmp_path / "scan").mkdir()
+    textured(tmp_path / "scan" / "a.obj")
+    (tmp_path / "scan" / "a_color.png").rename(tmp_path / "outside.png")
+    (tmp_path / "scan" / "a.mtl").unlink() if material is None else (tmp_path / "scan" / "a.mtl").write_text(material)
+    with caplog.at_level(logging.WARNING):
+        assert read_mesh(tmp_path / "scan" / "a.obj").texture is None
+    assert words in caplog.text
+
+
+def test_several_textures_are_refused_in_words(tmp_path, caplog):
+    textured(tmp_path / "a.obj")
+    text = (tmp_path / "a.obj").read_text().replace("usemtl skin", "usemtl skin\nusemtl hair")
+    (tmp_path / "a.obj").write_text(text)
+    (tmp_path / "a.mtl").write_text("newmtl skin\nmap_Kd a_color.png\nnewmtl hair\nmap_Kd hair.png\n")
+    with caplog.at_level(logging.WARNING):
+        assert read_mesh(tmp_path / "a.obj").texture is None
+    assert "uses 2 textures" in caplog.text

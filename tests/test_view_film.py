@@ -164,6 +164,9 @@ def test_names_stand_beside_the_places_that_face_the_camera(rig):
     pixels = np.round(project(places, camera)[0]).astype(int)
     for x, y in pixels:
         assert named[y - 6 : y + 7, x : x + 16].any()
+    crowded = places[[0, 0, 0]]
+    apart = (still(rig, **{**options, "fitted": crowded}, labels=("a", "a", "a")) != bare).any(2)
+    assert apart[:, pixels[0, 0] : pixels[0, 0] + 24].any(1).sum() > 15  # one below the other
     behind = still(rig, **{**options, "yaws": (np.pi,)}, labels=("a", "b"))
     np.testing.assert_array_equal(behind, still(rig, **{**options, "yaws": (np.pi,)}))
 

@@ -140,7 +140,10 @@ def _weights(animation: Animation, rig: Rig, what: str, known: Rig | None = None
     """(T, N) by the rig's names, 0 where the animation has none; its names must be on `known`, the rig if not given."""
     unknown = [n for n in animation.names if n not in (known or rig).names]
     if unknown:
-        raise InputError(f"The {what} has a shape {unknown[0]!r} that the rig {rig.name!r} lacks; rename or remove it.")
+        raise InputError(
+            f"The {what} has a shape {unknown[0]!r} that the rig {rig.name!r} lacks; rename or "
+            "remove it, or write it in the rig's shapes first: blendcap convert IN OUT --rig RIG."
+        )
     if np.isnan(animation.weights).any():
         frame, shape = np.argwhere(np.isnan(animation.weights))[0]
         raise InputError(

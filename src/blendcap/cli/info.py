@@ -13,7 +13,7 @@ def info(file: Path, /, *, as_json: AsJson = False) -> None:
     Parameters
     ----------
     file
-        Any file that blendcap reads.
+        A rig, a mesh, a marker take or an animation.
     as_json
         Print the answer as JSON.
     """

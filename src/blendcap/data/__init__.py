@@ -6,7 +6,7 @@ from blendcap.data.camera import Camera
 from blendcap.data.errors import InputError
 from blendcap.data.landmark_model import LandmarkModel
 from blendcap.data.mesh import Mesh, triangulate
-from blendcap.data.rig import Rig
+from blendcap.data.rig import Rig, landmarks68
 from blendcap.data.solution import Certificate, Solution
 from blendcap.data.surface import SurfacePoints
 from blendcap.data.takes import LandmarkTake, MarkerTake
@@ -24,5 +24,6 @@ __all__ = [
     "Rig",
     "Solution",
     "SurfacePoints",
+    "landmarks68",
     "triangulate",
 ]

@@ -35,7 +35,8 @@ class Animation:
     Raises
     ------
     InputError
-        If the lengths differ, there is no frame, a number is infinite, times do not rise or the rate is not positive.
+        If the lengths differ, there is no frame, a number is infinite, a confidence is not from 0 to 1, times do not
+        rise or the rate is not positive.
     """
 
     weights: np.ndarray
@@ -60,12 +61,23 @@ class Animation:
         if self.head is not None:
             put(self, "head", checks.array(self.head, (count, 4, 4), "The animation's head motion"))
         if self.confidence is not None:
-            put(self, "confidence", checks.array(self.confidence, self.weights.shape, "The animation's confidence"))
+            put(self, "confidence", self._checked_confidence())
         times = np.arange(count) / self.rate if self.times is None else self.times
         put(self, "times", checks.array(times, (count,), "The animation's times", finite=True))
         if (np.diff(self.times) <= 0).any():
             frame = int((np.diff(self.times) <= 0).argmax()) + 1
             raise InputError(f"The animation's times do not rise at frame {frame}; sort or repair them.")
+
+    def _checked_confidence(self) -> np.ndarray:
+        confidence = checks.array(self.confidence, self.weights.shape, "The animation's confidence")
+        outside = (confidence < 0) | (confidence > 1)
+        if outside.any():
+            frame, shape = np.argwhere(outside)[0]
+            raise InputError(
+                f"The confidence of {self.names[shape]!r} is {confidence[frame, shape]:g} in frame {frame}; it goes "
+                "from 0 to 1."
+            )
+        return confidence
 
     def select(self, names) -> Animation:
         """The animation of only these shapes, in this order."""

@@ -10,6 +10,7 @@ import numpy as np
 from blendcap.data.errors import InputError
 
 ANY = -1
+RATES = (1e-3, 1e6)  # frames a second: from time lapse to high speed
 FILLED: Any = None  # the default of a field that is given its value on construction
 
 
@@ -76,6 +77,8 @@ def rate(value: float, what: str) -> float:
         raise InputError(f"{what} must be a number of frames a second, but is {value!r}.") from None
     if not (np.isfinite(result) and result > 0):
         raise InputError(f"{what} must be a positive number of frames a second, but is {value!r}; state the true rate.")
+    if not RATES[0] <= result <= RATES[1]:
+        raise InputError(f"{what} is {result:g} frames a second, which no recording has; state the true rate.")
     return result
 
 

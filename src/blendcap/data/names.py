@@ -35,6 +35,7 @@ HEAD_AND_EYES: tuple[str, ...] = (
 
 _SUFFIX = re.compile(r"[_.](l|r|left|right)$", re.IGNORECASE)
 _WORD = re.compile(r"(?<![A-Za-z])(left|right)(?![a-z])|(Left|Right)(?![a-z])|(?<=[_.])([lLrR])$")
+STILL = 1e-4  # a weight below this moves nothing that anybody sees
 _OTHER = {"left": "right", "right": "left", "Left": "Right", "Right": "Left", "l": "r", "r": "l", "L": "R", "R": "L"}
 
 
@@ -99,15 +100,16 @@ def in_vocabulary(animation: Animation, names: Sequence[str], *, partial: bool =
     driven, used = shares.any(0), shares.any(1)
     if not driven.any():
         raise InputError(f"None of the shapes {', '.join(animation.names[:4])} ... is among {', '.join(names[:4])} ...")
-    moving = (animation.weights != 0).any(0)
+    moving = (np.abs(animation.weights) > STILL).any(0)
     lost = [animation.names[i] for i in np.flatnonzero(moving & ~used)]
     if not partial and set(lost) - set(HEAD_AND_EYES):
         name = next(name for name in lost if name not in HEAD_AND_EYES)
         raise InputError(
-            f"The animation moves the shape {name!r}, for which there is no place; leave it out or map it."
+            f"The animation moves the shape {name!r}, for which there is no place; rename it, or convert with "
+            "--partial (partial=True) to leave such shapes out."
         )
     if lost:
-        _log.warning("%d shapes that move find no place and are left out: %s.", len(lost), ", ".join(lost[:8]))
+        _log.warning("%d shapes that move find no place and are left out: %s.", len(lost), listed(lost))
     shares = shares[:, driven]
     means = shares / shares.sum(0)
     return replace(
@@ -116,6 +118,12 @@ def in_vocabulary(animation: Animation, names: Sequence[str], *, partial: bool =
         names=tuple(names[i] for i in np.flatnonzero(driven).tolist()),
         confidence=None if animation.confidence is None else _mixed(animation.confidence, means),
     )
+
+
+def listed(names: Sequence[str], most: int = 6) -> str:
+    """The names in a row, and how many more there are than `most`."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more
 
 
 def _shares(names: Sequence[str], targets: Sequence[str]) -> np.ndarray:

@@ -148,3 +148,20 @@ class Rig:
         for delta in self.deltas:
             np.maximum(largest, np.einsum("vk,vk->v", delta, delta), out=largest)
         return np.flatnonzero(largest > threshold**2)
+
+
+def landmarks68(rig: Rig) -> SurfacePoints:
+    """The rig's points "landmarks68": the 68 landmarks of iBUG, named "0" to "67".
+
+    Raises
+    ------
+    InputError
+        If it has none.
+    """
+    points = rig.points.get("landmarks68")
+    if points is None or len(points.names) != 68:
+        raise InputError(
+            f"The rig {rig.name!r} has no points 'landmarks68'; write where its 68 landmarks lie into landmarks68.json "
+            "and give them to it: blendcap rig convert RIG OUT.glb --points landmarks68.json."
+        )
+    return points

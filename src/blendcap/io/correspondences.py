@@ -36,12 +36,20 @@ def read_correspondences(path: str | os.PathLike) -> dict[str, Place]:
 def write_correspondences(path: str | os.PathLike, points: SurfacePoints) -> None:
     """Write where each marker sits, as `read_correspondences` reads it: to correct by hand, or to use again."""
     places = {
-        label: json.dumps({"face": face, "barycentric": [round(weight, 6) for weight in weights]})
+        label: json.dumps({"face": face, "barycentric": _rounded(weights)})
         for label, face, weights in zip(points.names, points.faces.tolist(), points.barycentric.tolist(), strict=True)
     }
     lines = ",\n".join(f" {json.dumps(label)}: {place}" for label, place in places.items())
     with write_whole(path) as temporary:
         temporary.write_text(f"{{\n{lines}\n}}\n", encoding="utf-8")
+
+
+def _rounded(weights: list[float]) -> list[float]:
+    """Six digits each, and still 1 in all: the largest takes up what rounding left."""
+    short = [round(weight, 6) for weight in weights]
+    largest = short.index(max(short))
+    short[largest] = round(short[largest] + 1 - sum(short), 6)
+    return short
 
 
 def _is_place(place: Any) -> bool:

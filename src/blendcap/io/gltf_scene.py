@@ -10,6 +10,7 @@ import numpy as np
 
 from blendcap.data import InputError, Mesh
 from blendcap.io.gltf import Document
+from blendcap.io.images import decoded
 
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 
@@ -198,13 +199,7 @@ def _picture(document: Document, texture: Any) -> np.ndarray | None:
         return None
     image = document.entry("images", source)
     content = document.view(image["bufferView"])[0] if "bufferView" in image else document.resource(image.get("uri"))
-    import cv2
-
-    try:
-        picture = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR)
-    except cv2.error:
-        picture = None
-    return None if picture is None else np.ascontiguousarray(picture[..., ::-1])
+    return decoded(content)
 
 
 def _local(node: dict[str, Any]) -> np.ndarray:

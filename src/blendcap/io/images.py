@@ -1,4 +1,4 @@
-"""Pictures as PNG files."""
+"""Pictures: any usual file in, PNG out."""
 
 from __future__ import annotations
 
@@ -19,6 +19,17 @@ def png(picture: np.ndarray) -> bytes:
     buffer = io.BytesIO()
     Image.fromarray(picture).save(buffer, "png")
     return buffer.getvalue()
+
+
+def decoded(content: bytes | memoryview) -> np.ndarray | None:
+    """The picture (H, W, 3) uint8 in a file's bytes, row 0 on top; None if they are no picture that can be read."""
+    import cv2
+
+    try:
+        picture = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR)
+    except cv2.error:
+        return None
+    return None if picture is None else np.ascontiguousarray(picture[..., ::-1])
 
 
 def write_image(path: str | os.PathLike, picture: np.ndarray) -> None:

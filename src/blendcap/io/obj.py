@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import os
+from pathlib import Path
 
 import numpy as np
 
 from blendcap.data import InputError, Mesh, triangulate
 from blendcap.io.atomic import write_whole
 from blendcap.io.fans import fans_to_polygons
+from blendcap.io.obj_materials import read_texture, write_material
 from blendcap.io.opening import read_text, reading
 
 
 def read_obj(path: str | os.PathLike, unit_mm: float = 1.0) -> Mesh:
     """A mesh from an OBJ file: `v`, `vt` and `f` lines, one surface, in the order of the file.
 
-    Normals, groups and materials are skipped; vertex colors behind the positions are ignored.
+    The colour texture is read if the materials name one. Normals and groups are skipped; vertex colors behind the
+    positions are ignored.
     """
     with reading(path, "OBJ file"):
         lines = read_text(path).replace("\\\n", " ").splitlines()
@@ -34,6 +37,7 @@ def read_obj(path: str | os.PathLike, unit_mm: float = 1.0) -> Mesh:
             polygons=None if all_triangles else polygons,
             uv=uv if has_uv else None,
             uv_faces=triangulate(uv_polygons) if has_uv else None,
+            texture=read_texture(Path(path), lines) if has_uv else None,
         )
 
 
@@ -45,8 +49,10 @@ def read_obj_vertices(path: str | os.PathLike, unit_mm: float = 1.0) -> tuple[np
 
 
 def write_obj(path: str | os.PathLike, mesh: Mesh) -> None:
-    """Write a mesh in mm as OBJ, with its polygons if it has them, and its texture coordinates."""
+    """Write a mesh in mm as OBJ, with its polygons if it has them, its uv, and its texture beside it."""
     lines = ["# blendcap; millimetres"]
+    if mesh.uv is not None and mesh.texture is not None:
+        lines += write_material(Path(path), mesh.texture)
     lines += [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in mesh.vertices.tolist()]
     polygons = mesh.faces if mesh.polygons is None else mesh.polygons
     if mesh.uv is None or mesh.uv_faces is None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import logging
 import math
 import os
 from collections.abc import Iterable, Mapping
@@ -14,6 +15,8 @@ import numpy as np
 from blendcap.data import InputError
 from blendcap.io.atomic import write_whole
 from blendcap.io.opening import read_text
+
+_log = logging.getLogger(__name__)
 
 _MISSING = {"", "nan", "null", "none", "na", "n/a"}
 
@@ -86,6 +89,11 @@ def parse_table(text: str, where: str) -> Table:
         raise InputError(f"Cannot read {where}: it has {doubles[0]!r} more than once; every column needs its own name.")
     if len(rows) == 1:
         raise InputError(f"Cannot read {where}: it has a header, but no rows.")
+    if len(rows[-1]) < min(len(header), *(len(row) for row in rows[1:-1] or rows[-1:])):
+        _log.warning(
+            "The last row of %s ends after %d of %d cells, as if the file were cut short; the rest counts as missing.",
+            where, len(rows[-1]), len(header),
+        )  # fmt: skip
     return Table(meta, header, [_fitted(row, len(header), i, where) for i, row in enumerate(rows[1:])], where)
 
 

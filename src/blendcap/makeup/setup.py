@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from blendcap.data import Binding, Camera, InputError, MarkerTake, Rig
+from blendcap.data import Binding, Camera, InputError, MarkerTake, Rig, landmarks68
 from blendcap.makeup.regions import seen_patches
 from blendcap.rendering import project
 
@@ -56,9 +56,7 @@ def locate(
     InputError
         If the rig has no landmarks, a stable marker is unknown, or a camera sees fewer than two of them.
     """
-    if "landmarks68" not in rig.points:
-        raise InputError(f"The rig {rig.name!r} has no points 'landmarks68', by which patches are placed; add them.")
-    marks = binding.to_take(rig.points["landmarks68"].positions(rig.mesh))
+    marks = binding.to_take(landmarks68(rig).positions(rig.mesh))
     places = seen_patches(marks, list(cameras), list(sizes))
     used = {view for view, _ in places.values()}
     rest = binding.to_take(binding.points.positions(rig.mesh) + binding.offsets)

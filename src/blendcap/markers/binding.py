@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from blendcap.data import Binding, InputError, MarkerTake, Rig, SurfacePoints
+from blendcap.data.names import listed
 from blendcap.markers.cleaning import neutral_frame
 from blendcap.markers.correspondences import resolve
 from blendcap.markers.neighbors import candidates, seamless
@@ -22,6 +23,7 @@ METHODS = ("weighed", "paper", "given")
 TRIANGLES = 120  # Q: candidates of each marker
 FEWEST = 4  # markers
 FARTHEST = 20.0  # mm: median distance from marker to place that no face explains
+USUAL_SIZE = (0.7, 1.4)  # of the rig beside the performer; beyond it a unit is wrong
 
 
 def bind(
@@ -91,6 +93,11 @@ def bind(
             points, errors = motion_places(places, points, alignment, source, rest, deviation)
     offsets = alignment(rest) - points.positions(rig.mesh)
     _check_fit(offsets)
+    if not USUAL_SIZE[0] < alignment.scale < USUAL_SIZE[1]:
+        log.warning(
+            "The take is %.3g times as large as the rig, as if its unit were wrong: check that. It is scaled to fit.",
+            1 / alignment.scale,
+        )  # fmt: skip
     if correspondences is None:
         log.warning("The markers' places were found automatically: look at the picture before you trust the answer.")
     return Binding(
@@ -119,7 +126,7 @@ def _given_places(
     given = resolve(rig, correspondences, take.names)
     unused = [name for name in take.names if name not in given.names]
     if unused:
-        log.warning("%d markers have no correspondence and are left out: %s", len(unused), ", ".join(unused[:6]))
+        log.warning("%d markers have no correspondence and are left out: %s", len(unused), listed(unused))
     return given
 
 
@@ -129,12 +136,14 @@ def _at_rest(given: SurfacePoints, source: MarkerTake, neutral: int) -> tuple[Su
     lost = source.missing.all(0)
     if lost.any():
         name = source.names[int(lost.argmax())]
-        raise InputError(f"The marker {name!r} is missing in every frame; leave it out or repair the take.")
+        raise InputError(
+            f"The marker {name!r} is missing in every frame; take it out of the correspondences or repair the take."
+        )
     rest = neutral_frame(source, neutral)
     seen = np.isfinite(rest[:, 0])
     if not seen.all():
         hidden = [name for name, there in zip(source.names, seen, strict=True) if not there]
-        log.warning("%d markers are not seen in the neutral and are left out: %s", len(hidden), ", ".join(hidden[:6]))
+        log.warning("%d markers are not seen in the neutral and are left out: %s", len(hidden), listed(hidden))
     names = [name for name, there in zip(source.names, seen, strict=True) if there]
     if len(names) < FEWEST:
         raise InputError(f"Only {len(names)} markers can be placed; a binding needs at least {FEWEST}.")

@@ -10,6 +10,8 @@ import numpy as np
 
 from blendcap.data import InputError, Rig, SurfacePoints
 
+ROUNDED = 1e-3  # how far from 1 weights may sum that somebody typed or rounded
+
 
 def resolve(rig: Rig, correspondences: Mapping[str, Any], labels: Sequence[str] | None = None) -> SurfacePoints:
     """Points on the rig, one for each entry of a correspondence table, in the table's order.
@@ -94,6 +96,7 @@ def _barycentric(rig: Rig, label: str, place: Mapping[str, Any]) -> tuple[int, n
         array = np.asarray(weights, dtype=np.float64)
     except (TypeError, ValueError):
         array = np.zeros(0)
-    if array.shape != (3,) or not (array >= -1e-6).all() or abs(array.sum() - 1) > 1e-6:
+    if array.shape != (3,) or not (array >= -1e-6).all() or abs(array.sum() - 1) > ROUNDED:
         raise InputError(f"{where} needs three barycentric weights from 0 that sum to 1, but has {weights!r}.")
-    return int(face), array
+    array = np.maximum(array, 0)
+    return int(face), array / array.sum()

@@ -62,7 +62,10 @@ def rig_landmarks(rig: Rig) -> SurfacePoints:
         if contact in rig.contacts and len(rig.contacts[contact]) > 1:
             parts.append(_on_line(rig, line))
     if not parts:
-        raise InputError(f"The rig {rig.name!r} knows neither 68 landmarks nor contacts; give its landmarks in a file.")
+        raise InputError(
+            f"The rig {rig.name!r} knows neither 68 landmarks nor contacts; give it landmarks: "
+            "blendcap rig convert RIG OUT.glb --points landmarks68.json."
+        )
     names = tuple(name for part in parts for name in part.names)
     return SurfacePoints(
         names, np.concatenate([p.faces for p in parts]), np.concatenate([p.barycentric for p in parts])

@@ -84,11 +84,16 @@ def box_problem(gram, linear, diagonal, lower, upper, rows, missing) -> BoxProbl
         raise InputError(f"lower must be below upper, but unknown {i} has {lower[i]:g} and {upper[i]:g}.")
     if (rows is None) != (missing is None):
         raise InputError("rows and missing belong together; give both or neither.")
-    if rows is None:
-        return BoxProblem(gram, linear, diagonal, lower, upper, np.zeros((0, 1, n)), np.zeros((frames, 0), bool))
-    rows = array(rows, (ANY, ANY, n), "rows", finite=True)
-    missing = array(missing, (frames, len(rows)), "missing", dtype=bool)
-    return BoxProblem(gram, linear, diagonal, lower, upper, rows, missing)
+    rows = np.zeros((0, 1, n)) if rows is None else array(rows, (ANY, ANY, n), "rows", finite=True)
+    missing = (
+        np.zeros((frames, 0), bool) if missing is None else array(missing, (frames, len(rows)), "missing", dtype=bool)
+    )
+    problem = BoxProblem(gram, linear, diagonal, lower, upper, rows, missing)
+    least = np.diag(gram) + problem.span[0]
+    if (least < -FLOOR * np.abs(np.diag(gram)).max()).any():
+        i = int(least.argmin())
+        raise InputError(f"gram and diagonal add up to {least[i]:g} for unknown {i}: below 0 there is no one optimum.")
+    return problem
 
 
 def residuals(problem: BoxProblem, weights: np.ndarray, coupling: np.ndarray | None = None) -> np.ndarray:

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, fields
-
-import numpy as np
+from numbers import Real
 
 from blendcap.data import InputError
+from blendcap.data.checks import names
 from blendcap.solving.curves import CURVE_ERROR
 
 METHODS = ("learned", "paper", "live")
 HELMETS = ("rigid", "paper", "none")
 MOST_SMOOTH = 1e6
+MOST_COUPLED = 1e6  # mm²
+MOST_PASSES = 100
 LEAST_CURVE_ERROR = 1e-3
 HEADS = ("auto", "remove", "keep")
 
@@ -86,20 +89,27 @@ class SolveSettings:
                 raise InputError(f"The {name} {getattr(self, name)!r} is unknown; choose one of {', '.join(known)}.")
         for name in ("smoothness", "beta", "gamma", "coupling", "longest_gap", "model_error", "influence"):
             value = getattr(self, name)
-            if not (np.isfinite(value) and value >= 0):
+            if not (_is_number(value) and value >= 0):
                 raise InputError(f"The setting {name} must be a number that is not negative, but is {value!r}.")
-        if self.noise is not None and not (np.isfinite(self.noise) and self.noise > 0):
+        if self.noise is not None and not (_is_number(self.noise) and self.noise > 0):
             raise InputError(
                 f"The noise must be a positive number of mm, but is {self.noise!r}; leave it out if unknown."
             )
-        if not (np.isfinite(self.curve_error) and self.curve_error >= LEAST_CURVE_ERROR):
+        if not (_is_number(self.curve_error) and self.curve_error >= LEAST_CURVE_ERROR):
             raise InputError(
                 f"The curve error must be at least {LEAST_CURVE_ERROR:g}, but is {self.curve_error!r}; 0.1 is usual."
             )
-        if not 0 <= self.symmetry <= 0.99:
+        if not (_is_number(self.symmetry) and 0 <= self.symmetry <= 0.99):
             raise InputError(f"The symmetry must lie between 0 and 0.99, but is {self.symmetry!r}.")
-        if not (isinstance(self.passes, int) and self.passes >= 1):
-            raise InputError(f"A solve needs a whole number of passes, at least one, but passes is {self.passes!r}.")
+        if isinstance(self.passes, bool) or not (isinstance(self.passes, int) and 1 <= self.passes <= MOST_PASSES):
+            raise InputError(
+                f"A solve needs a whole number of passes from 1 to {MOST_PASSES}, but passes is {self.passes!r}."
+            )
+        object.__setattr__(self, "stable", names(self.stable, "The stable markers"))
+        if self.coupling > MOST_COUPLED:
+            raise InputError(
+                f"The coupling {self.coupling:g} mm² is out of range; above {MOST_COUPLED:g} nothing moves."
+            )
         if self.smoothness > MOST_SMOOTH:
             raise InputError(
                 f"The smoothness {self.smoothness:g} is out of range; above {MOST_SMOOTH:g} nothing moves."
@@ -108,3 +118,7 @@ class SolveSettings:
     def as_text(self) -> dict[str, str]:
         """The settings as names and texts, for a report."""
         return {f.name: str(getattr(self, f.name)) for f in fields(self)}
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)

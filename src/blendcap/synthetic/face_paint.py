@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from blendcap.data import InputError, Rig
+from blendcap.data import InputError, Rig, landmarks68
 from blendcap.rendering.appearance import HIDDEN_WORDS, globe_of
 from blendcap.synthetic.canvas import bled, canvas_of, developed
 from blendcap.synthetic.charts import in_one_picture
@@ -16,7 +16,7 @@ from blendcap.synthetic.mannequin.look import Look, draw_look
 from blendcap.synthetic.mannequin.shared import shared
 from blendcap.synthetic.mannequin.skin import INSIDE, WET_RIM, paint_skin
 from blendcap.synthetic.mannequin.texture import painted
-from blendcap.synthetic.plain import plain_places, rig_landmarks
+from blendcap.synthetic.plain import plain_places
 
 SKIN, EYE, TEETH, TONGUES, GUMS, MOUTH, SOCKET, UNSEEN = range(8)
 LAYERS = np.array([0, 1, 2, 2, 2, 0, 0, -1])  # kinds of one layer do not lie over each other in a texture
@@ -72,7 +72,7 @@ def laid_out(rig: Rig) -> Rig:
         raise InputError(f"The rig {rig.name!r} has no texture coordinates (uv), so there is nothing to paint on.")
     if is_mannequin(rig):
         return rig
-    kinds, face = kinds_of(rig), int(rig_landmarks(rig).faces[30])
+    kinds, face = kinds_of(rig), int(landmarks68(rig).faces[30])
     layers = LAYERS[np.min(kinds[rig.mesh.faces], axis=1)]
     uv, uv_faces = in_one_picture(rig.mesh, layers, face, _eye_chart(rig, kinds))
     if uv is rig.mesh.uv:

@@ -10,13 +10,13 @@ import numpy as np
 from numba import njit
 from scipy.spatial.transform import Rotation
 
-from blendcap.data import Camera, InputError, Rig, SurfacePoints
+from blendcap.data import Camera, InputError, Rig, SurfacePoints, landmarks68
 from blendcap.rendering import default_colors, vertex_normals
 from blendcap.rendering.camera import look_at
 from blendcap.rendering.color import to_linear
 from blendcap.rendering.grey import GreySurface
 from blendcap.rendering.light import openness
-from blendcap.synthetic.paint import Stroke, drawn_faces, landmarks68, paint, skin_faces
+from blendcap.synthetic.paint import Stroke, drawn_faces, paint, skin_faces
 from blendcap.synthetic.shot import Shot
 from blendcap.synthetic.takes import Truth
 

@@ -12,10 +12,10 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 
-from blendcap.data import InputError, Rig
+from blendcap.data import InputError, Rig, landmarks68
 from blendcap.numerics.barycentric import barycentric_flat
 from blendcap.rendering.rasterize import visibility
-from blendcap.synthetic.paint import Stroke, landmarks68, skin_faces
+from blendcap.synthetic.paint import Stroke, skin_faces
 
 # Strokes of the subject's right side (_right, mirrored for _left) and of the middle. A place is a mean of landmarks
 # plus (dx, dy) in distances between the outer corners of the eyes: dx to the subject's left, dy up.

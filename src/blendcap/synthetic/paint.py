@@ -10,7 +10,7 @@ from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
-from blendcap.data import InputError, Mesh, Rig
+from blendcap.data import InputError, Mesh, Rig, landmarks68
 from blendcap.numerics.barycentric import barycentric_flat
 from blendcap.numerics.geodesic import weld
 from blendcap.rendering import default_colors, vertex_normals
@@ -68,13 +68,6 @@ def skin_faces(rig: Rig) -> np.ndarray:
         first = np.asarray(((rig.mesh.uv >= 0) & (rig.mesh.uv <= 1)).all(1))
         skin = skin & first[rig.mesh.uv_faces].all(1)
     return skin
-
-
-def landmarks68(rig: Rig):
-    """The rig's 68 landmarks, or one sentence that says that it has none."""
-    if "landmarks68" not in rig.points or len(rig.points["landmarks68"].names) != 68:
-        raise InputError(f"The rig {rig.name!r} has no points 'landmarks68', by which makeup and cameras are placed.")
-    return rig.points["landmarks68"]
 
 
 def paint(rig: Rig, layers: list[list[Stroke]], clear: float = 1.2) -> tuple[np.ndarray, np.ndarray]:

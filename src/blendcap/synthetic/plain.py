@@ -13,7 +13,7 @@ import numpy as np
 from scipy.spatial import KDTree
 from scipy.spatial.distance import cdist
 
-from blendcap.data import InputError, Rig, SurfacePoints
+from blendcap.data import Rig, landmarks68
 from blendcap.numerics.similarity import align, apply
 from blendcap.rendering import vertex_normals
 from blendcap.synthetic.mannequin.landmarks import landmarks
@@ -37,7 +37,7 @@ def plain_places(rig: Rig, vertices: np.ndarray) -> np.ndarray:
     InputError
         If the rig has no "landmarks68".
     """
-    source, target = rig_landmarks(rig).positions(rig.mesh), plain_landmarks()
+    source, target = landmarks68(rig).positions(rig.mesh), plain_landmarks()
     fit = align(source, target)
     faces = _within(rig.mesh.faces, vertices, len(rig.mesh.vertices))
     skin, source = apply(rig.mesh.vertices[vertices], *fit), apply(source, *fit)
@@ -52,19 +52,6 @@ def plain_places(rig: Rig, vertices: np.ndarray) -> np.ndarray:
         warped = _warped(skin, np.concatenate([source, skin[some]]), np.concatenate([target, onto]), stiffness)
     face, weights = _on_plain(warped, vertex_normals(warped, faces))
     return np.einsum("kc,kcd->kd", weights, skin_table()[plain_mesh().faces[face]])
-
-
-def rig_landmarks(rig: Rig) -> SurfacePoints:
-    """The rig's 68 landmarks.
-
-    Raises
-    ------
-    InputError
-        If it has none.
-    """
-    if "landmarks68" not in rig.points or len(rig.points["landmarks68"].names) != 68:
-        raise InputError(f"The rig {rig.name!r} has no points named 'landmarks68'; add the 68 landmarks of iBUG.")
-    return rig.points["landmarks68"]
 
 
 def _ears(skin: np.ndarray, landmarks: np.ndarray) -> np.ndarray:

@@ -8,10 +8,10 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from blendcap.data import Animation, Camera, LandmarkTake, SurfacePoints
+from blendcap.data import Animation, Camera, LandmarkTake, SurfacePoints, landmarks68
 from blendcap.rendering.camera import project, to_homogeneous
 from blendcap.rendering.rasterize import visibility
-from blendcap.synthetic.paint import drawn_faces, landmarks68
+from blendcap.synthetic.paint import drawn_faces
 from blendcap.synthetic.performer import Performer
 
 SLACK = 2.0  # mm; a point that lies so far behind what is seen still counts as seen: it is on the skin, not under it

@@ -8,10 +8,9 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
-from blendcap.data import Animation, Camera, Rig
+from blendcap.data import Animation, Camera, Rig, landmarks68
 from blendcap.rendering.camera import look_at
 from blendcap.synthetic.color import Take, drift, film, one_light, room
-from blendcap.synthetic.paint import landmarks68
 from blendcap.synthetic.performer import Performer
 from blendcap.synthetic.shot import Shot
 

@@ -45,6 +45,11 @@ def draw_text(
     picture[top:bottom, left:right] = patch
 
 
+def text_width(text: str, height: int) -> int:
+    """Pixels that a line of text takes."""
+    return round(_font(height).getlength(text))
+
+
 @cache
 def _font(height: int):
     """The typeface that the plots use too."""

@@ -11,7 +11,7 @@ from scipy.spatial import KDTree
 from blendcap.data import Camera, Rig
 from blendcap.io.images import write_image
 from blendcap.rendering import Surface, prepare_rig, project, shaped, vertex_normals
-from blendcap.view.image import draw_text
+from blendcap.view.image import draw_text, text_width
 from blendcap.view.posing import VIEWS, side_by_side
 from blendcap.view.preview import mark
 
@@ -66,10 +66,19 @@ def still(
 
 
 def _name(picture: np.ndarray, camera: Camera, surface: Surface, places: np.ndarray, labels: Sequence[str]) -> None:
-    """Write the names of places (M, 3), mm, to the right of them, but for those on the far side of the face."""
+    """Write the names of places (M, 3), mm, to the right of them, but for those on the far side of the head."""
     normals = vertex_normals(surface.vertices, surface.faces)[KDTree(surface.vertices).query(places)[1]]
+    outward = places - surface.vertices.mean(0)  # a marker under brow or chin is in front whatever the skin's normal
     towards = -camera.pose[:3, :3].T @ camera.pose[:3, 3] - places
     height = max(picture.shape[0] // 80, 9)
-    for (x, y), label, facing in zip(project(places, camera)[0], labels, (normals * towards).sum(1) > 0, strict=True):
-        if facing:
-            draw_text(picture, label, (round(x) + height // 2, round(y)), height=height, anchor="lm")
+    pixels = np.round(project(places, camera)[0]).astype(int)
+    facing = np.maximum((outward * towards).sum(1), (normals * towards).sum(1)) > 0
+    taken: list[tuple[int, int, int]] = []
+    for m in sorted(np.flatnonzero(facing).tolist(), key=lambda m: pixels[m, 1]):
+        name, (left, middle) = labels[int(m)], pixels[m].tolist()
+        left += height // 2
+        right = left + text_width(name, height)
+        while any(a < right and left < b and abs(middle - y) < height for a, b, y in taken):
+            middle += 1
+        taken.append((left, right, middle))
+        draw_text(picture, name, (left, middle), height=height, anchor="lm")
