@@ -33,6 +33,14 @@ HEAD_AND_EYES: tuple[str, ...] = (
     "rightEyeRoll",
 )  # fmt: skip
 
+# What no face does at once: the same lid, eye, jaw or mouth moves one way or the other.
+EXCLUSIVE: tuple[tuple[str, str], ...] = (
+    ("eyeBlinkLeft", "eyeWideLeft"), ("eyeBlinkRight", "eyeWideRight"),
+    ("eyeLookUpLeft", "eyeLookDownLeft"), ("eyeLookUpRight", "eyeLookDownRight"),
+    ("eyeLookInLeft", "eyeLookOutLeft"), ("eyeLookInRight", "eyeLookOutRight"),
+    ("jawLeft", "jawRight"), ("mouthLeft", "mouthRight"),
+)  # fmt: skip
+
 _SUFFIX = re.compile(r"[_.](l|r|left|right)$", re.IGNORECASE)
 _WORD = re.compile(r"(?<![A-Za-z])(left|right)(?![a-z])|(Left|Right)(?![a-z])|(?<=[_.])([lLrR])$")
 STILL = 1e-4  # a weight below this moves nothing that anybody sees
@@ -64,6 +72,16 @@ def mirror_map(names: Sequence[str]) -> np.ndarray:
     """For each name the place (N,) of its mirror name; its own place where that name is absent."""
     place = {name: i for i, name in enumerate(names)}
     return np.array([place.get(mirror_name(name), i) for i, name in enumerate(names)], dtype=np.int64)
+
+
+def opposite_map(names: Sequence[str]) -> np.ndarray:
+    """For each name the place (N,) of the shape that excludes it (EXCLUSIVE); its own place where there is none."""
+    place = {canonical(name): i for i, name in enumerate(names)}
+    opposite = np.arange(len(names))
+    for one, other in EXCLUSIVE:
+        if one in place and other in place:
+            opposite[[place[one], place[other]]] = place[other], place[one]
+    return opposite
 
 
 def match(names: Sequence[str], others: Sequence[str]) -> dict[str, tuple[str, ...]]:

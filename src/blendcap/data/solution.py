@@ -52,6 +52,10 @@ class Solution:
         Motion of the helmet against the head: translation, mm, and rotation vector, rad.
     unseen : {shape: float}
         Shapes that these markers cannot see, with the size of the standard error of their weight.
+    held : (K,) str
+        Those of them that were held at rest; the others follow their partner on the other side.
+    trusted : {marker: float}
+        How much each marker counted: 1, less for one that went astray.
     targets : (T, M, 3) float64, optional
         The markers in the rig's space, rest offset and head motion removed, mm.
     fitted : (T, M, 3) float64, optional
@@ -71,6 +75,8 @@ class Solution:
     marker_names: tuple[str, ...]
     helmet: np.ndarray | None = None
     unseen: Mapping[str, float] = field(default_factory=dict)
+    held: tuple[str, ...] = ()
+    trusted: Mapping[str, float] = field(default_factory=dict)
     targets: np.ndarray | None = None
     fitted: np.ndarray | None = None
     conflict: np.ndarray | None = None

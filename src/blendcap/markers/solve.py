@@ -6,24 +6,25 @@ import logging
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from blendcap.data import Animation, Binding, Certificate, InputError, MarkerTake, Rig, Solution
-from blendcap.data.names import canonical
+from blendcap.data import Animation, Binding, InputError, MarkerTake, Rig, Solution
+from blendcap.data.names import canonical, opposite_map
 from blendcap.markers.cleaning import drop_spikes, fill_gaps
 from blendcap.markers.helmet import paper_columns, paper_motion, pivot, remove_motion, rigid_columns, rigid_motion
 from blendcap.markers.stabilization import stabilize, stabilize_live
 from blendcap.solving.curves import Curves, curves_for
-from blendcap.solving.learned import solve_learned
+from blendcap.solving.learned import Answer, solve_learned
 from blendcap.solving.live import solve_live
-from blendcap.solving.noise import VISIBLE, marker_noise, weight_errors
+from blendcap.solving.noise import marker_noise
 from blendcap.solving.paper import solve_paper
 from blendcap.solving.prior import START_DEVIATION
 from blendcap.solving.rows import MarkerRows, marker_rows
 from blendcap.solving.settings import SolveSettings
+from blendcap.solving.visibility import UNSEEN, Kinship, held_shapes, joint_errors, lasting_noise, weight_errors
 
 log = logging.getLogger(__name__)
 
@@ -110,11 +111,15 @@ def solve(
     known = positions[: math.ceil(WARM_UP * take.rate)] if settings.method == "live" else positions
     noise = _noise(known, settings)
     clock.begin("solving")
-    rows, unknowns, energies, certificate, noise = _solve(
-        rig, rows, take.rate, noise, settings, positions, rest, curves, clock
-    )
+    answer = _solve(rig, rows, take.rate, noise, settings, positions, rest, curves, clock)
     clock.stop()
-    errors = weight_errors(rows, noise, 0.0 if curves is None else curves.precision(settings.curve_error))
+    rows, unknowns, certificate = answer.rows, answer.unknowns, answer.certificate
+    errors = _errors(answer, noise, kinship(rig), curves, settings)
+    unseen = {
+        name: float(e) for name, e, held in zip(rig.names, errors, answer.held, strict=True) if held or e > UNSEEN
+    }
+    held = tuple(name for name, still in zip(rig.names, answer.held, strict=True) if still)
+    _warn(unseen, held, settings.method)
     weights, motion = unknowns[:, : rows.shapes], _helmet_motion(unknowns[:, rows.shapes :], settings.helmet)
     residuals = rows.errors(unknowns)
     animation = Animation(
@@ -125,15 +130,17 @@ def solve(
         animation=animation,
         residuals=residuals,
         rms=_rms(residuals),
-        energies=energies,
+        energies=answer.energies,
         certificate=certificate,
         marker_names=binding.points.names,
         helmet=motion,
-        unseen=_unseen(rig, errors),
+        unseen=unseen,
+        held=held,
+        trusted=dict(zip(binding.points.names, answer.trusted.tolist(), strict=True)),
         targets=rest + np.where(rows.missing[..., None], np.nan, rows.targets) - _helmet_part(rows, unknowns),
         fitted=rest + rows.predict(unknowns) - _helmet_part(rows, unknowns),
         conflict=None if curves is None else curves.conflict(weights),
-        settings={**settings.as_text(), "noise (mm)": f"{noise:.3f}"},
+        settings={**settings.as_text(), "noise (mm)": f"{answer.noise:.3f}"},
         seconds=clock.seconds,
     )
 
@@ -220,14 +227,18 @@ def _noise(positions: np.ndarray, settings: SolveSettings) -> float:
 def _solve(
     rig: Rig, rows: MarkerRows, rate: float, noise: float, settings: SolveSettings, positions, rest,
     curves: Curves | None, clock: _Clock,
-) -> tuple[MarkerRows, np.ndarray, dict, Certificate, float]:  # fmt: skip
+) -> Answer:  # fmt: skip
     if settings.method == "paper":
         charges = (settings.beta, settings.gamma, settings.coupling)
-        return rows, *solve_paper(rows, *charges, curves=curves, influence=settings.influence), noise
+        solved = solve_paper(rows, *charges, curves=curves, influence=settings.influence)
+        return _as_answer(rows, noise, np.zeros(len(rig.names), dtype=bool), *solved)
     prior: dict[str, Any] = {"symmetry": settings.symmetry, "smoothness": settings.smoothness}
     prior |= {"curves": curves, "curve_error": settings.curve_error}
     if settings.method == "live":
-        return rows, *solve_live(rows, rig.mirror, rate, noise, **prior), noise
+        told = 0.0 if curves is None else settings.curve_error**-2 * curves.confidence.any(0)
+        in_view = replace(rows, missing=np.zeros_like(rows.missing))  # what will be missing is not known yet
+        held = held_shapes(in_view, lasting_noise(noise, noise), kinship(rig), told)
+        return _as_answer(rows, noise, held, *solve_live(rows, rig.mirror, rate, noise, held=held, **prior))
 
     def relinearize(unknowns: np.ndarray) -> np.ndarray:
         """Targets whose helmet rotation is exact: undone as a rotation, put back as the columns have it."""
@@ -235,13 +246,33 @@ def _solve(
         assert motion is not None
         return remove_motion(positions, motion, pivot(rest)) - rest + _helmet_part(rows, unknowns)
 
-    answer = solve_learned(
-        rows, rig.mirror, rate, noise, **prior, passes=settings.passes,
+    return solve_learned(
+        rows, rig.mirror, rate, noise, **prior, passes=settings.passes, kinship=kinship(rig),
         quick=np.array([canonical(name).startswith("eyeBlink") for name in rig.names]),
         relinearize=None if settings.helmet == "none" else relinearize,
         progress=lambda detail: clock.begin("solving", f"solving, {detail}"),
     )  # fmt: skip
-    return answer.rows, answer.unknowns, answer.energies, answer.certificate, answer.noise
+
+
+def _as_answer(rows: MarkerRows, noise: float, held: np.ndarray, unknowns, energies, certificate) -> Answer:
+    return Answer(rows, unknowns, energies, certificate, noise, held, np.ones(len(rows.rows)))
+
+
+def kinship(rig: Rig) -> Kinship:
+    """How the shapes of a rig belong together, by its mirror map and its names."""
+    names = [canonical(name) for name in rig.names]
+    eyeballs = np.array([name.startswith(("eyeLook", "pupil")) for name in names], dtype=bool)
+    lids = np.array([name.startswith("eye") for name in names], dtype=bool) & ~eyeballs
+    return Kinship(rig.mirror, opposite_map(rig.names), lids, eyeballs)
+
+
+def _errors(answer: Answer, least: float, kin: Kinship, curves: Curves | None, settings: SolveSettings) -> np.ndarray:
+    """(N,) standard error of each weight: as if it alone moved, or, for a shape held, with all others at play."""
+    told = np.zeros(answer.rows.shapes) if curves is None else curves.precision(settings.curve_error)
+    rows, noise = answer.rows.weighed(answer.trusted), lasting_noise(answer.noise, least)
+    alone = weight_errors(rows, noise, told)
+    joint = joint_errors(rows, noise, kin, told, np.ones(rows.shapes, dtype=bool))
+    return np.where(answer.held, np.maximum(alone, joint), alone)
 
 
 def _confidence(errors: np.ndarray) -> np.ndarray:
@@ -249,14 +280,14 @@ def _confidence(errors: np.ndarray) -> np.ndarray:
     return 1 / (1 + (errors / START_DEVIATION) ** 2)
 
 
-def _unseen(rig: Rig, errors: np.ndarray) -> dict[str, float]:
-    unseen = {name: float(error) for name, error in zip(rig.names, errors, strict=True) if error > VISIBLE}
-    if unseen:
-        log.warning(
-            "These markers cannot tell the weights of %d shapes; they are left to the prior: %s",
-            len(unseen), ", ".join(unseen),
-        )  # fmt: skip
-    return unseen
+def _warn(unseen: dict[str, float], held: tuple[str, ...], method: str) -> None:
+    if not unseen:
+        return
+    others = ", ".join(name for name in unseen if name not in held)
+    parts = [f"Held at rest: {', '.join(held)}."] if held else []
+    if others:
+        parts.append(f"{'A guess' if method == 'paper' else 'Following their partner on the other side'}: {others}.")
+    log.warning("These markers cannot tell the weights of %d shapes. %s", len(unseen), " ".join(parts))
 
 
 def _rms(residuals: np.ndarray) -> np.ndarray:

@@ -11,7 +11,6 @@ import numpy as np
 from blendcap.data import Certificate
 from blendcap.numerics.boxseq import solve_box_sequence
 from blendcap.solving.curves import CURVE_ERROR, Curves
-from blendcap.solving.noise import HELD, VISIBLE, weight_errors
 from blendcap.solving.prior import (
     HELMET_RIDGE,
     HELMET_STEP,
@@ -20,24 +19,45 @@ from blendcap.solving.prior import (
     posterior,
     step_weights,
     symmetric_prior,
+    trend,
 )
 from blendcap.solving.rows import MarkerRows
+from blendcap.solving.trust import marker_errors, overall, trust
+from blendcap.solving.visibility import Kinship, held_shapes, lasting_noise, weight_errors
 
 log = logging.getLogger(__name__)
 
 START_NOISE = 0.3  # mm: assumed before the residuals are seen
+TELLING = 0.2  # the markers know a weight as well as this if they are to judge its curve
 
 
 @dataclass(frozen=True, eq=False)
-class LearnedAnswer:
-    """The rows last solved, unknowns (T, N + K), energies by term (T,) in mm², certificate, prior and noise (mm)."""
+class Answer:
+    """What a solve ends with.
+
+    Parameters
+    ----------
+    rows : MarkerRows
+        As last solved.
+    unknowns : (T, N + K)
+    energies : {term: (T,)}
+        mm².
+    certificate : Certificate
+    noise : float
+        mm.
+    held : (N,) bool
+        Shapes held at rest.
+    trusted : (M,)
+        How much each marker counted, 0 to 1.
+    """
 
     rows: MarkerRows
     unknowns: np.ndarray
     energies: dict[str, np.ndarray]
     certificate: Certificate
-    prior: TakePrior
     noise: float
+    held: np.ndarray
+    trusted: np.ndarray
 
 
 def solve_learned(
@@ -50,17 +70,20 @@ def solve_learned(
     smoothness: float = 1.0,
     passes: int = 3,
     quick: np.ndarray | None = None,
+    kinship: Kinship | None = None,
     curves: Curves | None = None,
     curve_error: float = CURVE_ERROR,
     relinearize: Callable[[np.ndarray], np.ndarray] | None = None,
     progress: Callable[[str], None] = lambda _: None,
-) -> LearnedAnswer:
+) -> Answer:
     """Weights of the whole take, most probable under a prior that the take itself teaches.
 
     Minimises, exactly and for all frames at once,
     `|y_t - B a_t - R u_t|² + s² a_t' C⁻¹ a_t + sum_i s² w_ti / q_i (a_ti - a_(t-1)i)²` with `0 <= a <= 1`,
     where s is the noise, C the covariance of poses, q the variance of steps and w their Student weights;
-    C, q and w are re-estimated between passes. Curves add `sum_i s² / e_i² c_ti (a_ti - ã_ti)²` (Eq. 4, Eq. 38) with
+    C, q and w are re-estimated between passes. From the second pass on shapes that the markers cannot tell are held at
+    rest (`held_shapes`), markers that went astray count less (`trust`), and a quick shape's step is charged for what it
+    differs from the `trend` of the answer before. Curves add `sum_i s² / e_i² c_ti (a_ti - ã_ti)²` (Eq. 4, Eq. 38) with
     their confidence c; a solve of the markers alone before puts the curves of shapes that markers see on their scale
     and tells how far each still errs, e_i. A curve of a shape that no marker sees counts in full.
 
@@ -78,6 +101,8 @@ def solve_learned(
         As in SolveSettings.
     quick : (N,) bool, optional
         Shapes that move within a few frames, as eyelids do.
+    kinship : Kinship, optional
+        Which shapes exclude each other and which are lids and eyeballs; partners alone if not given.
     curves : Curves, optional
         What is known of the weights from elsewhere.
     curve_error : float
@@ -88,8 +113,10 @@ def solve_learned(
         Told what begins.
     """
     start = prior = symmetric_prior(mirror, symmetry, rate)
-    unknowns, factors = None, np.ones((1, len(mirror)))
+    kinship = Kinship.of_pairs(mirror) if kinship is None else kinship
     quick = np.zeros(len(mirror), dtype=bool) if quick is None else quick
+    unknowns, factors, foretold = None, np.ones((1, len(mirror))), np.zeros((1, len(mirror)))
+    held, trusted, weighed = np.zeros(len(mirror), dtype=bool), np.ones(len(rows.rows)), rows
     least, noise = noise, max(noise, START_NOISE)
     told_error = np.full(len(mirror), curve_error)
     if curves is not None:
@@ -104,26 +131,39 @@ def solve_learned(
         strength = (noise / told_error) ** 2
         diagonal, pull = (None, 0.0) if curves is None else curves.terms(strength, len(rows.lower))
         unknowns, certificate = solve_box_sequence(
-            rows.gram + precision, rows.linear + pull, coupling, diagonal=diagonal, lower=rows.lower, upper=rows.upper,
-            start=unknowns, rows=rows.rows, missing=rows.missing,
+            weighed.gram + precision, weighed.linear + pull + _pull_along(coupling, foretold), coupling,
+            diagonal=diagonal, lower=rows.lower, upper=rows.upper, start=unknowns, rows=weighed.rows,
+            missing=rows.missing,
         )  # fmt: skip
         log.info("pass %d: %d Newton steps, KKT %.1e", k + 1, certificate.iterations, certificate.max_kkt)
         if k == passes - 1:
             break
         weights = unknowns[:, : rows.shapes]
         known = precision if diagonal is None else precision + np.diag(diagonal.mean(0))
-        prior, freedom = learn_prior(start, weights, rows.mean_gram, prior, known, noise, rate)
-        noise = max(least, _unexplained(rows, unknowns, freedom))
+        prior, covariance = learn_prior(start, weights, weighed.mean_gram, prior, known, noise, rate)
+        leverage = np.einsum("mki,ij,mkj->m", weighed.rows, covariance / noise**2, weighed.rows)
+        trusted = trust(marker_errors(rows, unknowns, leverage))
+        noise = max(least, overall(rows, unknowns, leverage, trusted))
+        weighed = rows.weighed(trusted)
         told = np.zeros(len(mirror)) if curves is None else curves.precision(told_error)
-        prior = prior.holding(_untold(rows, np.sqrt(noise**2 - least**2), mirror, told))
-        factors = step_weights(weights, prior, mirror, quick)
+        held = held_shapes(weighed, lasting_noise(noise, least), kinship, told)
+        prior = prior.holding(held)
+        factors, foretold = step_weights(weights, prior, mirror, quick), trend(weights, quick)
         if relinearize is not None and k == passes - 2:
             rows = rows.with_targets(relinearize(unknowns))
+            weighed = rows.weighed(trusted)
     assert unknowns is not None  # there is at least one pass
-    energies = _energies(rows, unknowns, precision, coupling)
+    energies = _energies(weighed, unknowns, precision, coupling, foretold)
     if curves is not None:
         energies["curves"] = curves.energy(unknowns[:, : rows.shapes], strength)
-    return LearnedAnswer(rows, unknowns, energies, certificate, prior, noise)
+    return Answer(rows, unknowns, energies, certificate, noise, held, trusted)
+
+
+def _pull_along(coupling: np.ndarray, foretold: np.ndarray) -> np.ndarray:
+    """(T, N + K) linear term of `c_t (a_t - a_(t-1) - f_t)²` with the steps foretold (T, N), mm²."""
+    push = np.zeros_like(coupling)
+    push[:, : foretold.shape[1]] = coupling[:, : foretold.shape[1]] * foretold
+    return np.vstack([push[1:], np.zeros_like(push[:1])]) - push
 
 
 def _coupling(rows: MarkerRows, prior: TakePrior, noise: float, rate: float, factors) -> np.ndarray:
@@ -142,26 +182,8 @@ def _calibrated(
         rows.gram + precision, rows.linear, coupling, lower=rows.lower, upper=rows.upper,
         rows=rows.rows, missing=rows.missing,
     )  # fmt: skip
-    variance = posterior(rows.mean_gram, precision, prior.steps, noise**2)[0].diagonal()
-    return curves.calibrated(alone[:, : rows.shapes], variance, weight_errors(rows, noise) < VISIBLE, least)
-
-
-def _untold(rows: MarkerRows, model_error: float, mirror: np.ndarray, told: np.ndarray) -> np.ndarray:
-    """(N,) bool: shapes that what the rig cannot explain would drive more than the markers do.
-
-    White noise averages out and the prior knows how to weigh it; motion that the rig lacks does not, and would be put
-    into any shape that the markers hardly see. A shape whose partner is seen follows its partner, and one that curves
-    tell, with the precision `told` (N,), is told.
-    """
-    errors = weight_errors(rows, model_error, told)
-    return np.minimum(errors, errors[mirror]) > HELD
-
-
-def _unexplained(rows: MarkerRows, unknowns: np.ndarray, freedom: float) -> float:
-    """Standard deviation of a marker coordinate that the answer leaves, mm, with what the fit swallowed put back."""
-    squared = np.nansum(rows.errors(unknowns) ** 2)
-    coordinates = 3 * np.count_nonzero(~rows.missing)
-    return float(np.sqrt(squared / max(coordinates - freedom * len(unknowns), 0.25 * coordinates, 1)))
+    variance = posterior(rows.mean_gram, precision, prior.steps, noise**2)[0].diagonal()[: rows.shapes]
+    return curves.calibrated(alone[:, : rows.shapes], variance, weight_errors(rows, noise) < TELLING, least)
 
 
 def _precision(prior: TakePrior, noise: float, size: int) -> np.ndarray:
@@ -171,8 +193,12 @@ def _precision(prior: TakePrior, noise: float, size: int) -> np.ndarray:
     return precision
 
 
-def _energies(rows: MarkerRows, unknowns: np.ndarray, precision: np.ndarray, coupling: np.ndarray) -> dict:
-    steps = np.diff(unknowns, axis=0, prepend=unknowns[:1]) ** 2 * coupling
+def _energies(
+    rows: MarkerRows, unknowns: np.ndarray, precision: np.ndarray, coupling: np.ndarray, foretold: np.ndarray
+) -> dict[str, np.ndarray]:
+    steps = np.diff(unknowns, axis=0, prepend=unknowns[:1])
+    steps[:, : rows.shapes] -= foretold
+    steps = steps**2 * coupling
     return {
         "markers": np.nansum(rows.errors(unknowns) ** 2, axis=1),
         "prior": np.einsum("ti,ij,tj->t", unknowns, precision, unknowns, optimize=True),

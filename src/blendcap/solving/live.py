@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import numpy as np
 from numba import get_num_threads, set_num_threads
@@ -37,14 +38,18 @@ class LiveSolver:
         Standard deviation of a marker coordinate, model error included, mm.
     symmetry, smoothness, curve_error : float
         As in SolveSettings.
+    held : (N,) bool, optional
+        Shapes that stay at rest.
     """
 
     def __init__(
         self, rows: MarkerRows, mirror: np.ndarray, rate: float, noise: float, *,
         symmetry: float = 0.97, smoothness: float = 1.0, curve_error: float = CURVE_ERROR,
+        held: np.ndarray | None = None,
     ):  # fmt: skip
         self.rows, self.rate, self.noise, self.smoothness = rows, rate, noise, smoothness
         self.curve_strength = (noise / curve_error) ** 2
+        self.held = np.zeros(rows.shapes, dtype=bool) if held is None else held
         self.start = self.prior = symmetric_prior(mirror, symmetry, rate)
         self.step_floor = STEP_FLOOR**2 * 60 / rate
         self.last: np.ndarray | None = None
@@ -57,7 +62,7 @@ class LiveSolver:
         """Quadratic terms that stay the same until the prior is learned anew."""
         count, size = self.rows.shapes, len(self.rows.lower)
         self.quadratic = self.rows.gram + HELMET_RIDGE * np.eye(size)
-        self.quadratic[:count, :count] += self.noise**2 * np.linalg.inv(self.prior.covariance)
+        self.quadratic[:count, :count] += self.noise**2 * np.linalg.inv(self.prior.holding(self.held).covariance)
         walk = np.r_[self.prior.steps, np.full(size - count, HELMET_STEP**2 * 60 / self.rate)]
         posterior = np.diag(walk)
         for _ in range(RICCATI_STEPS):
@@ -122,9 +127,10 @@ def _one_thread() -> Iterator[None]:
 def solve_live(
     rows: MarkerRows, mirror: np.ndarray, rate: float, noise: float, *,
     symmetry: float = 0.97, smoothness: float = 1.0, curves: Curves | None = None, curve_error: float = CURVE_ERROR,
+    held: np.ndarray | None = None,
 ) -> tuple[np.ndarray, dict[str, np.ndarray], Certificate]:  # fmt: skip
     """A whole take through a LiveSolver as if it arrived live: unknowns (T, N + K), energies, certificate."""
-    options = {"symmetry": symmetry, "smoothness": smoothness, "curve_error": curve_error}
+    options: dict[str, Any] = {"symmetry": symmetry, "smoothness": smoothness, "curve_error": curve_error, "held": held}
     solver = LiveSolver(rows, mirror, rate, noise, **options)
     targets = np.where(rows.missing[..., None], np.nan, rows.targets)
     frames = [None] * len(targets) if curves is None else curves.frames()

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
+from scipy.ndimage import correlate1d, uniform_filter1d
 
 START_DEVIATION = 0.35  # of a weight, before the take is seen
 START_STEP = 0.02  # of a weight's change from frame to frame, at 60 frames a second
@@ -22,7 +22,8 @@ HOLD = 0.03  # factor on the standard deviation of a shape that is held at rest
 FREEDOM = 0.25  # degrees of freedom of Student's t: the smaller, the more a large step is an event
 STUDENT_SCALE = 0.5  # of the variance of the steps
 EVENT_FRAMES = 3
-QUICK = 0.2  # factor on the coupling of shapes that move within a few frames
+QUICK = 0.12  # factor on the coupling of shapes that move within a few frames
+TREND = (1, 4, 6, 4, 1)  # weights of the neighbouring steps that foretell a step of theirs
 FREQUENCIES = 16  # at which the posterior covariance is sampled
 
 
@@ -70,8 +71,8 @@ def symmetric_prior(mirror: np.ndarray, symmetry: float, rate: float) -> TakePri
 def learn_prior(
     start: TakePrior, weights: np.ndarray, gram: np.ndarray, current: TakePrior, precision: np.ndarray,
     noise: float, rate: float,
-) -> tuple[TakePrior, float]:  # fmt: skip
-    """The prior re-estimated from an answer, and how many free unknowns a frame of it has.
+) -> tuple[TakePrior, np.ndarray]:  # fmt: skip
+    """The prior re-estimated from an answer, and the mean posterior covariance (N + K, N + K) of its unknowns.
 
     Parameters
     ----------
@@ -90,14 +91,15 @@ def learn_prior(
         Frames a second.
     """
     frames, count = weights.shape
-    open_pose, open_step, freedom = posterior(gram, precision, current.steps, noise**2)
+    open_all, open_step = posterior(gram, precision, current.steps, noise**2)
+    open_pose = open_all[:count, :count]
     # A weight that rests on its bound is known: only the frames in which it is free leave it open.
     free = (np.abs(weights) > 1e-6).mean(0)
     moment = weights.T @ weights / frames + np.sqrt(free)[:, None] * open_pose * np.sqrt(free)
     covariance = (frames * moment + PSEUDO_FRAMES * start.covariance) / (frames + PSEUDO_FRAMES)
     covariance[np.diag_indices(count)] += DEVIATION_FLOOR**2
     steps = (np.diff(weights, axis=0) ** 2).mean(0) + free * open_step if frames > 1 else current.steps
-    return TakePrior(covariance, steps + STEP_FLOOR**2 * 60 / rate), freedom
+    return TakePrior(covariance, steps + STEP_FLOOR**2 * 60 / rate), open_all
 
 
 def step_weights(weights: np.ndarray, prior: TakePrior, mirror: np.ndarray, quick: np.ndarray) -> np.ndarray:
@@ -105,7 +107,7 @@ def step_weights(weights: np.ndarray, prior: TakePrior, mirror: np.ndarray, quic
 
     A large step (a blink, a plosive) is an event and not noise, so it is charged less; a small one is charged more.
     An event rarely comes alone: steps are averaged with those of the neighbouring frames and of the partner on the
-    other side before they are judged.
+    other side before they are judged. What a quick shape does is judged against its `trend`.
 
     Parameters
     ----------
@@ -116,31 +118,43 @@ def step_weights(weights: np.ndarray, prior: TakePrior, mirror: np.ndarray, quic
         Shapes that move within a few frames, as eyelids do.
     """
     factors = np.ones_like(weights)
-    scaled = np.diff(weights, axis=0) ** 2 / (STUDENT_SCALE * prior.steps)
+    surprise = np.diff(weights, axis=0) - trend(weights, quick)[1:]
+    scaled = surprise**2 / (STUDENT_SCALE * prior.steps)
     scaled = uniform_filter1d((scaled + scaled[:, mirror]) / 2, EVENT_FRAMES, axis=0)
     factors[1:] = (FREEDOM + 1) / (FREEDOM + scaled)
     factors[:, quick] *= QUICK
     return factors
 
 
+def trend(weights: np.ndarray, quick: np.ndarray) -> np.ndarray:
+    """(T, N) the step into each frame that the steps around it foretell: a lid on its way goes on; 0 where not quick.
+
+    Parameters
+    ----------
+    weights : (T, N)
+    quick : (N,) bool
+        Shapes that move within a few frames. Others are so slow that a step is charged as such.
+    """
+    steps = correlate1d(np.diff(weights, axis=0), np.array(TREND) / sum(TREND), axis=0, mode="constant")
+    return np.pad(steps * quick, ((1, 0), (0, 0)))
+
+
 def posterior(
     gram: np.ndarray, precision: np.ndarray, steps: np.ndarray, variance: float
-) -> tuple[np.ndarray, np.ndarray, float]:
-    """Posterior covariance of a frame's weights (N, N), variance of their steps (N,), and the fit's degrees of freedom.
+) -> tuple[np.ndarray, np.ndarray]:
+    """Posterior covariance of a frame's unknowns (N + K, N + K) and variance of the weights' steps (N,).
 
     As if the take had no ends: a long chain of equal frames is diagonal in frequency, and at the frequency w the
     coupling counts 2 - 2 cos w.
     """
     count = len(steps)
     coupling = variance / steps
-    pose, step, freedom = np.zeros((count, count)), np.zeros(count), 0.0
+    pose, step = np.zeros_like(gram), np.zeros(count)
     for k in range(FREQUENCIES):
         factor = 2 - 2 * np.cos((k + 0.5) * np.pi / FREQUENCIES)
         matrix = gram + precision
         matrix[np.arange(count), np.arange(count)] += coupling * factor
-        inverse = np.linalg.inv(matrix)
-        freedom += float((inverse * gram).sum()) / FREQUENCIES
-        block = variance * inverse[:count, :count]
-        pose += block / FREQUENCIES
-        step += factor * np.diag(block) / FREQUENCIES
-    return pose, step, freedom
+        covariance = variance * np.linalg.inv(matrix)
+        pose += covariance / FREQUENCIES
+        step += factor * np.diag(covariance)[:count] / FREQUENCIES
+    return pose, step

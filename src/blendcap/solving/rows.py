@@ -56,6 +56,10 @@ class MarkerRows:
         """The same rows for other targets (T, M, 3), mm."""
         return replace(self, targets=np.where(self.missing[..., None], 0.0, targets))
 
+    def weighed(self, factors: np.ndarray) -> MarkerRows:
+        """The same equation with each marker's part of it multiplied by a factor (M,)."""
+        return replace(self, rows=self.rows * factors[:, None, None], targets=self.targets * factors[:, None])
+
     def predict(self, unknowns: np.ndarray) -> np.ndarray:
         """Displacements (T, M, 3) that unknowns (T, N + K) explain, mm."""
         flat = self.rows.reshape(-1, self.rows.shape[2])

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
 from blendcap.data import Binding, Rig, Solution
 from blendcap.view.plots import marker_errors
 from blendcap.view.posing import weights_on
 
 OPPOSITE = -0.75  # cosine of two shapes' motions below which they undo each other
+ASTRAY = 4.0  # times the usual error, and at least FAR, for a marker to be called bad
+FAR = 1.0  # mm
+AROUND = 0.5  # seconds over which a marker's error is averaged before it is judged
+MOST = 6  # bad markers to name; the table has them all
 TOGETHER = 0.25  # weight above which a shape counts in that
 
 
@@ -41,10 +46,20 @@ def _trouble_of_the_solve(solution: Solution, binding: Binding | None) -> list[s
 def _unseen(solution: Solution) -> list[str]:
     if not solution.unseen:
         return []
-    names = ", ".join(
-        f"{name} (±{error:.2f})" if error < 1 else f"{name} (not at all)" for name, error in solution.unseen.items()
-    )
-    return [f"These markers cannot see {len(solution.unseen)} of the shapes; their weights are a guess: {names}."]
+    said = []
+    for names, what in (
+        (solution.held, "are held at rest"),
+        ([n for n in solution.unseen if n not in solution.held], "follow their partner or are a guess"),
+    ):
+        listed = ", ".join(f"{n} ({known})" for n in names if (known := sight(solution.unseen[n])))
+        if listed:
+            said.append(f"These markers cannot tell {len(names)} of the shapes, which {what}: {listed}.")
+    return said
+
+
+def sight(error: float) -> str:
+    """How well the markers tell a weight, in words."""
+    return f"±{error:.2f}" if error < 1 else "not at all"
 
 
 def _bad_markers(solution: Solution) -> list[str]:
@@ -52,13 +67,44 @@ def _bad_markers(solution: Solution) -> list[str]:
     rms, _ = marker_errors(solution)
     lost = np.isnan(solution.residuals).mean(0)
     usual = float(np.nanmedian(rms)) if np.isfinite(rms).any() else np.nan
-    for m, name in enumerate(solution.marker_names):
-        if rms[m] > 3 * usual and rms[m] > 1:
-            said.append(
-                f"Marker {name} is off by {rms[m]:.1f} mm, the others by {usual:.1f}: check its label and place."
-            )
+    bad = [(error, *span) for span in _spans_astray(solution, usual) for error in [_rms(solution, *span)]]
+    for error, m, first, last in sorted(bad, reverse=True)[:MOST]:
+        said.append(
+            f"Marker {solution.marker_names[m]} is off by {error:.1f} mm {_when(solution, first, last)}, the others by "
+            f"{usual:.1f}: check its label and place."
+        )
     gone = [f"{solution.marker_names[m]} ({lost[m]:.0%})" for m in np.argsort(-lost, kind="stable") if lost[m] > 0.3]
     return [*said, f"Often missing, in so many of the frames: {', '.join(gone)}."] if gone else said
+
+
+def _spans_astray(solution: Solution, usual: float) -> list[tuple[int, int, int]]:
+    """(marker, first frame, last frame) of the longest stretch in which each bad marker is far off."""
+    animation = solution.animation
+    width = max(1, round(AROUND * animation.rate))
+    squared, seen = np.nan_to_num(solution.residuals) ** 2, np.isfinite(solution.residuals).astype(float)
+    squared, seen = (uniform_filter1d(values, width, axis=0, mode="nearest") for values in (squared, seen))
+    error = np.sqrt(np.maximum(squared, 0) / np.maximum(seen, 1 / width))
+    spans = []
+    for m in np.flatnonzero((error > max(ASTRAY * usual, FAR)).any(0)):
+        edges = np.flatnonzero(np.diff(np.r_[0, error[:, m] > max(ASTRAY * usual, FAR), 0]))
+        starts, stops = edges[::2], edges[1::2]
+        k = int((stops - starts).argmax())
+        if stops[k] - starts[k] > width:
+            spans.append((int(m), int(starts[k]), int(stops[k]) - 1))
+    return spans
+
+
+def _rms(solution: Solution, m: int, first: int, last: int) -> float:
+    return float(np.sqrt(np.nanmean(solution.residuals[first : last + 1, m] ** 2)))
+
+
+def _when(solution: Solution, first: int, last: int) -> str:
+    times = solution.animation.times
+    if first == 0 and last == len(times) - 1:
+        return "all the time"
+    begin = "from the start" if first == 0 else f"from frame {first} ({times[first]:.1f} s)"
+    end = "to the end" if last == len(times) - 1 else f"to frame {last} ({times[last]:.1f} s)"
+    return f"{begin} {end}"
 
 
 def _conflicts(rig: Rig, solution: Solution) -> list[str]:

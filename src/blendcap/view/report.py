@@ -11,7 +11,7 @@ from blendcap.data import Animation, Binding, Rig, Solution
 from blendcap.io.atomic import write_whole
 from blendcap.view import page, plots
 from blendcap.view.comparison import comparison
-from blendcap.view.concerns import concerns
+from blendcap.view.concerns import concerns, sight
 from blendcap.view.heatmap import heatmap, marker_heat
 from blendcap.view.posing import weights_on
 from blendcap.view.still import still
@@ -145,10 +145,16 @@ def _shapes_table(solution: Solution) -> str:
     rows = []
     for n in np.argsort(-weights.max(0), kind="stable"):
         name, curve = solution.animation.names[n], weights[:, n]
-        error = solution.unseen.get(name)
-        sight = "seen" if error is None else f"unseen (±{error:.2f})" if error < 1 else "not at all"
-        rows.append([name, f"{curve.max():.2f}", f"{curve.mean():.3f}", f"{(curve > 0.02).mean():.0%}", sight])
+        rows.append(
+            [name, f"{curve.max():.2f}", f"{curve.mean():.3f}", f"{(curve > 0.02).mean():.0%}", _seen(solution, name)]
+        )
     return _folded("All shapes", page.table(["shape", "largest", "mean", "frames on", "by the markers"], rows))
+
+
+def _seen(solution: Solution, name: str) -> str:
+    if name not in solution.unseen:
+        return "seen"
+    return f"{'held, ' if name in solution.held else ''}unseen ({sight(solution.unseen[name])})"
 
 
 def _markers_table(solution: Solution) -> str:
@@ -156,10 +162,17 @@ def _markers_table(solution: Solution) -> str:
     missing = np.isnan(solution.residuals).mean(0)
     largest = np.nan_to_num(solution.residuals, nan=-np.inf).max(0)
     rows = [
-        [solution.marker_names[m], _mm(rms[m]), _mm(p95[m]), _mm(largest[m]), f"{missing[m]:.1%}"]
+        [
+            name := solution.marker_names[m],
+            _mm(rms[m]),
+            _mm(p95[m]),
+            _mm(largest[m]),
+            f"{missing[m]:.1%}",
+            f"{solution.trusted.get(name, 1.0):.0%}",
+        ]
         for m in np.argsort(-np.nan_to_num(rms), kind="stable")
     ]
-    return _folded("All markers", page.table(["marker", "RMS", "95 %", "largest", "missing"], rows))
+    return _folded("All markers", page.table(["marker", "RMS", "95 %", "largest", "missing", "trusted"], rows))
 
 
 def _settings(solution: Solution) -> str:

@@ -1,0 +1,148 @@
+"""Which shapes the markers tell apart, and which are held at rest because they do not."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from blendcap.solving.prior import HELMET_RIDGE, START_DEVIATION
+from blendcap.solving.rows import MarkerRows
+
+UNSEEN = START_DEVIATION  # a weight of which the markers tell less than a guess would is not seen
+EXCLUSION = 0.9  # how sure it is that a shape and the one that excludes it are not on together
+SYMMETRY = 0.97
+NEUTRAL = 0.5  # part of the noise of a frame that is left in the mean of a few, as the neutral is
+
+
+@dataclass(frozen=True, eq=False)
+class Kinship:
+    """How the shapes of a rig belong together.
+
+    Parameters
+    ----------
+    mirror : (N,) int
+        Left and right partners; itself if it has none.
+    opposite : (N,) int
+        The shape that excludes each shape (lid up and lid down); itself if none does.
+    lids, eyeballs : (N,) bool
+        Shapes of the lids, and those that turn or change the eyeball, on which no marker sits.
+    """
+
+    mirror: np.ndarray
+    opposite: np.ndarray
+    lids: np.ndarray
+    eyeballs: np.ndarray
+
+    @classmethod
+    def of_pairs(cls, mirror: np.ndarray) -> Kinship:
+        """Partners and nothing else."""
+        none = np.zeros(len(mirror), dtype=bool)
+        return cls(mirror, np.arange(len(mirror)), none, none)
+
+    @property
+    def partner(self) -> np.ndarray:
+        """(N,) int: the shape that goes with each; the jaw to the left does not go with the jaw to the right."""
+        return np.where(self.opposite == self.mirror, np.arange(len(self.mirror)), self.mirror)
+
+    def covariance(self) -> np.ndarray:
+        """(N, N) of the weights before any marker is seen."""
+        own, partner = np.arange(len(self.mirror)), self.partner
+        together, apart = np.eye(len(own)), np.eye(len(own))
+        together[own, partner] += SYMMETRY * (partner != own)
+        apart[own, self.opposite] -= EXCLUSION * (self.opposite != own)
+        product = together @ apart
+        return START_DEVIATION**2 * (product + product.T) / 2
+
+
+def held_shapes(rows: MarkerRows, noise: float, kinship: Kinship, told: np.ndarray | float = 0.0) -> np.ndarray:
+    """(N,) bool: shapes that the markers cannot tell apart from others or from nothing.
+
+    A shape counts as seen if the markers, with all other shapes free to explain them too, know its weight better than
+    UNSEEN, or that of its partner on the other side, which it then follows. The worst is held at rest with its
+    partner, and the rest judged anew, until all that is left is seen. Where lids and gaze explain the same motion of a
+    lid, the gaze is held: markers sit on lids and not on eyeballs.
+
+    Parameters
+    ----------
+    rows : MarkerRows
+    noise : float
+        What does not average out in time, of one coordinate, mm.
+    kinship : Kinship
+    told : (N,), optional
+        Precision, one over variance, of what is known of each weight from elsewhere.
+    """
+    mirror = kinship.partner
+    precision = np.broadcast_to(told, mirror.shape)
+    alone = weight_errors(rows, noise, precision)
+    free = np.minimum(alone, alone[mirror]) < UNSEEN
+    while free.any():
+        errors = joint_errors(rows, noise, kinship, precision, free)
+        errors = np.where(free, np.minimum(errors, errors[mirror]), 0.0)
+        worst = int(errors.argmax())
+        if errors[worst] < UNSEEN:
+            break
+        gaze = free & kinship.eyeballs
+        if gaze.any() and (kinship.lids | kinship.eyeballs)[worst]:
+            free = free & ~gaze
+        else:
+            free[[worst, mirror[worst]]] = False
+    return ~free
+
+
+def lasting_noise(noise: float, least: float) -> float:
+    """What does not average out in time, mm: what the rig cannot explain, and the noise left in the neutral's mean.
+
+    Parameters
+    ----------
+    noise : float
+        Of one coordinate, with all that the rig leaves unexplained, mm.
+    least : float
+        The part of it that is new in every frame, mm.
+    """
+    return float(np.sqrt(max(noise**2 - least**2, 0.0) + (NEUTRAL * least) ** 2))
+
+
+def weight_errors(rows: MarkerRows, noise: float, told: np.ndarray | float = 0.0) -> np.ndarray:
+    """Standard error of each shape's weight if it alone moved, (N,); infinite if no marker moves with it.
+
+    What a rigid motion of the helmet would explain just as well does not count as seen, and a marker counts as often
+    as it was seen.
+
+    Parameters
+    ----------
+    rows : MarkerRows
+    noise : float
+        Of one coordinate, mm.
+    told : (N,), optional
+        Precision, one over variance, of what is known of each weight from elsewhere.
+    """
+    scaled = rows.rows * np.sqrt(1 - rows.missing.mean(0))[:, None, None]
+    columns = scaled.reshape(-1, scaled.shape[2])
+    shapes, helmet = columns[:, : rows.shapes], columns[:, rows.shapes :]
+    if helmet.shape[1]:
+        basis, *_ = np.linalg.svd(helmet, full_matrices=False)
+        shapes = shapes - basis @ (basis.T @ shapes)
+    energy = np.linalg.norm(shapes, axis=0)
+    precision = np.where(energy > 1e-9, (energy / max(noise, 1e-12)) ** 2, 0.0) + told
+    return np.divide(1.0, np.sqrt(precision), out=np.full(rows.shapes, np.inf), where=precision > 0)
+
+
+def joint_errors(rows: MarkerRows, noise: float, kinship: Kinship, told: np.ndarray, free: np.ndarray) -> np.ndarray:
+    """(N,) standard error of each weight with all the free shapes at play; infinite for those that are not free.
+
+    It is what the markers add: posterior variance v under a prior of variance c is that of a measurement whose
+    variance e² is `1 / e² = 1 / v - 1 / c`.
+    """
+    chosen = np.flatnonzero(free)
+    kept = np.r_[chosen, np.arange(rows.shapes, len(rows.lower))]
+    variance = max(noise, 1e-6) ** 2
+    prior = np.linalg.inv(kinship.covariance()[np.ix_(chosen, chosen)]) + np.diag(told[chosen])
+    precision = rows.mean_gram[np.ix_(kept, kept)] / variance
+    precision[: len(chosen), : len(chosen)] += prior
+    helmet = np.arange(len(chosen), len(kept))
+    precision[helmet, helmet] += HELMET_RIDGE / variance
+    gained = 1 / np.diag(np.linalg.inv(precision))[: len(chosen)] - 1 / START_DEVIATION**2
+    errors = np.full(rows.shapes, np.inf)
+    errors[chosen] = np.divide(1.0, np.sqrt(np.maximum(gained, 0)), out=np.full(len(chosen), np.inf), where=gained > 0)
+    return errors

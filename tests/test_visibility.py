@@ -1,0 +1,97 @@
+"""What the markers tell apart, on columns small enough to see through."""
+
+import numpy as np
+import pytest
+
+from blendcap.data.names import ARKIT52, mirror_map, opposite_map
+from blendcap.solving.rows import marker_rows
+from blendcap.solving.trust import ASTRAY, trust
+from blendcap.solving.visibility import Kinship, held_shapes, joint_errors, lasting_noise, weight_errors
+
+PAIRS = np.array([1, 0, 3, 2, 5, 4])
+
+
+def rows_of(columns, seen=1.0):
+    """Rows of shapes (N, M, 3) for a take of ten frames; each marker is seen in the part `seen` of them."""
+    moved = np.zeros((10, columns.shape[1], 3))
+    moved[int(10 * seen) :] = np.nan
+    return marker_rows(columns, np.empty((0, *columns.shape[1:])), moved, np.tile([0.0, 1.0], (len(columns), 1)), -1.0)
+
+
+def kin(opposite=None, lids=(), eyeballs=()):
+    places = np.arange(6)
+    return Kinship(PAIRS, places if opposite is None else opposite, np.isin(places, lids), np.isin(places, eyeballs))
+
+
+def apart():
+    """Three pairs of shapes, each with a marker of its own on either side."""
+    columns = np.zeros((6, 6, 3))
+    columns[np.arange(6), np.arange(6), 1] = 3.0
+    return columns
+
+
+def test_what_has_a_marker_of_its_own_is_seen():
+    rows = rows_of(apart())
+    assert not held_shapes(rows, 0.3, kin()).any()
+    single = np.eye(6) * 0.35**2 + 1e-12
+    single[np.arange(6), PAIRS] = 0.97 * 0.35**2
+    inverse = np.linalg.inv(9 / 0.09 * np.eye(6) + np.linalg.inv(single))
+    expected = 1 / np.sqrt(1 / np.diag(inverse) - 1 / 0.35**2)
+    assert np.allclose(joint_errors(rows, 0.3, kin(), np.zeros(6), np.ones(6, bool)), expected, rtol=1e-6)
+
+
+def test_two_shapes_that_look_alike_cannot_both_be_seen():
+    """Each alone moves the marker by 3 mm, but none tells which of them did: one pair is held, one solved."""
+    columns = apart()
+    columns[2:4] = columns[0:2]
+    assert (weight_errors(rows_of(columns), 0.3) < 0.2).all()
+    held = held_shapes(rows_of(columns), 0.3, kin())
+    assert held[:4].reshape(2, 2).all(1).sum() == 1 and held.sum() == 2
+    gaze = held_shapes(rows_of(columns), 0.3, kin(lids=(0, 1), eyeballs=(2, 3)))
+    assert gaze.tolist() == [False, False, True, True, False, False]
+
+
+def test_opposites_are_one_unknown_with_a_sign():
+    """Lid up and lid down move one marker to and fro: as they exclude each other, that marker sees both."""
+    columns = apart()
+    columns[2:4] = -columns[0:2]
+    assert held_shapes(rows_of(columns), 0.6, kin()).any()
+    assert not held_shapes(rows_of(columns), 0.6, kin(opposite=np.array([2, 3, 0, 1, 4, 5]))).any()
+
+
+def test_a_shape_without_markers_follows_its_partner_or_rests():
+    columns = apart()
+    columns[1] = 0.0
+    columns[4:] *= 0.01
+    assert held_shapes(rows_of(columns), 0.3, kin()).tolist() == [False] * 4 + [True] * 2
+    told = np.array([0, 0, 0, 0, 100.0, 100.0])
+    assert not held_shapes(rows_of(columns), 0.3, kin(), told).any()
+
+
+@pytest.mark.parametrize("seen", [1.0, 0.5, 0.1])
+def test_a_marker_counts_as_often_as_it_is_seen(seen):
+    errors = joint_errors(rows_of(apart(), seen), 0.3, Kinship.of_pairs(np.arange(6)), np.zeros(6), np.ones(6, bool))
+    assert np.allclose(errors, 0.1 / np.sqrt(seen), rtol=1e-6)
+
+
+def test_what_lasts_is_the_rigs_error_and_half_of_the_noise():
+    assert lasting_noise(0.2, 0.2) == pytest.approx(0.1)
+    assert lasting_noise(np.hypot(0.2, 0.8), 0.2) == pytest.approx(np.hypot(0.1, 0.8))
+
+
+def test_opposites_of_the_vocabulary():
+    opposite = opposite_map(ARKIT52)
+    assert np.array_equal(opposite[opposite], np.arange(52)) and (opposite != np.arange(52)).sum() == 16
+    mirror = mirror_map(ARKIT52)
+    assert np.array_equal(mirror[opposite], opposite[mirror])  # what undoes on the left undoes on the right
+    assert ARKIT52[opposite[ARKIT52.index("eyeBlinkLeft")]] == "eyeWideLeft"
+    assert opposite_map(("head:EyeWide_L", "jaw", "head:EyeBlink_L")).tolist() == [2, 1, 0]
+
+
+def test_trust_falls_beyond_what_is_usual():
+    errors = np.array([0.5, 0.4, 0.6, 0.5, 0.5, 4.0, np.nan])
+    factors = trust(errors)
+    assert (factors[[0, 1, 2, 3, 4, 6]] == 1).all()
+    assert factors[5] == pytest.approx((ASTRAY * 0.5 / 4.0) ** 2)
+    assert (trust(np.array([0.01, 0.02, 0.59])) == 1).all()  # a small error is nobody's fault
+    assert (trust(np.full(4, np.nan)) == 1).all()
