@@ -9,7 +9,7 @@ from blendcap import InputError, Mesh, Rig, mannequin, refine_rig
 from blendcap.modeling.contacts import gaps
 from blendcap.modeling.examples import refine
 from blendcap.modeling.facial_rigging import local_shapes, make_surface, shapes_from_examples
-from blendcap.modeling.fields import FieldProblem, fit_fields
+from blendcap.modeling.fields import ROUGH, SMOOTH, FieldProblem, _gain_precision, fit_fields
 from sheet import sheet_rig
 
 METHODS = ("fields", "paper")
@@ -103,6 +103,37 @@ def test_fields_meet_the_dense_optimality_conditions():
     gains = np.linalg.solve(system, columns.T @ precision @ missing).reshape(count, kinds + 1)
     np.testing.assert_allclose(found.gains, gains, atol=1e-10)
     assert found.residual < 1e-9
+
+
+def test_gains_for_any_weights_near_the_given_ones_are_those_of_the_dense_joint_system():
+    """Gains and errors of the weights as unknowns of one dense least-squares problem; and a shape keeps its gain though
+    a stronger one was played more than asked for."""
+    rng = np.random.default_rng(5)
+    deltas, waves = rng.normal(size=(30, 4, 3)) * [[[1], [1], [1], [20]]], rng.normal(size=(30, 3))
+    problem, error = FieldProblem(deltas, waves, np.array([1, 0, 2, 3])), 0.1
+    weights = rng.uniform(0.5, 1, (5, 4)) * (rng.random((5, 4)) < 0.7)
+    off = np.zeros_like(weights)
+    off[:, 3] = 0.08 * (weights[:, 3] > 0)
+    moved = np.einsum("snc,jn->sjc", deltas, weights + off)
+    gains = fit_fields(problem, moved, weights, error).gains
+    noise = SMOOTH**2 * waves @ waves.T + ROUGH**2 * np.eye(30)
+    root = np.linalg.cholesky(np.linalg.inv(noise)).T
+    functions = np.column_stack([np.ones(30), waves])
+    used = [(j, i) for j in range(5) for i in np.flatnonzero(weights[j])]
+    gram, right = np.zeros((16 + len(used),) * 2), np.zeros(16 + len(used))
+    for j, row in enumerate(weights):
+        columns = np.zeros((30, 3, 16 + len(used)))
+        columns[..., :16] = np.einsum("n,sk,snc->scnk", row, functions, deltas).reshape(30, 3, 16)
+        for k, (example, i) in enumerate(used):
+            columns[..., 16 + k] = deltas[:, i] * (example == j)
+        flat = np.tensordot(root, columns, 1).reshape(90, -1)
+        missing = np.tensordot(root, moved[:, j] - np.einsum("snc,n->sc", deltas, row), 1).ravel()
+        gram, right = gram + flat.T @ flat, right + flat.T @ missing
+    gram[:16, :16] += _gain_precision(problem)
+    gram[16:, 16:] += np.eye(len(used)) / error**2
+    np.testing.assert_allclose(gains.ravel(), np.linalg.solve(gram, right)[:16], rtol=1e-7, atol=1e-10)
+    fooled = fit_fields(problem, moved, weights).gains
+    assert np.abs(gains[:3]).max() < 0.5 * np.abs(fooled[:3]).max()
 
 
 def test_a_personal_gain_is_learned_and_helps_on_expressions_never_seen():

@@ -147,7 +147,10 @@ def test_doubts_say_which_level_moved_and_where_triangles_are_folded():
     bad = replace(built, registration=replace(built.registration, levels=tuple(levels), flipped=np.array([0, 9])))
     facts = rig_facts(bad, rig)
     assert facts["flipped_in"] == {"lips": 1, "upper": 1}
-    folds, moved = doubts(bad, facts)
+    levels[-1] = replace(levels[-1], matched=0.41)
+    bad = replace(bad, registration=replace(bad.registration, levels=tuple(levels)))
+    folds, lacks, moved = doubts(bad, facts)
+    assert "Only 41% of the skin has a place on the scan" in lacks
     assert "2 triangles are folded over (1 in lips, 1 in upper)" in folds
     assert "At stiffness 6.5, which is only a start" in moved and "0.15 mm a step after 60 steps" in moved
 

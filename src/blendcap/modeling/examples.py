@@ -14,7 +14,14 @@ from blendcap.data.names import canonical
 from blendcap.modeling.contacts import find_contacts
 from blendcap.modeling.differences import Differences, Faces, surface_of
 from blendcap.modeling.facial_rigging import make_surface, rig_from_examples, shapes_from_examples
-from blendcap.modeling.fields import SAMPLES, FieldProblem, fit_fields, smooth_functions, spread_out
+from blendcap.modeling.fields import (
+    SAMPLES,
+    WEIGHT_ERROR,
+    FieldProblem,
+    fit_fields,
+    smooth_functions,
+    spread_out,
+)
 from blendcap.modeling.keeping import keep
 from blendcap.modeling.parts import pieces
 from blendcap.numerics.boxls import solve_box
@@ -23,7 +30,6 @@ from blendcap.numerics.geodesic import sewn_vertices
 Method = Literal["fields", "paper"]
 
 ROUNDS = 2  # shapes, weights, shapes
-WEIGHT_ERROR = 0.1  # standard deviation of the given weights
 LOCAL = 0.5  # β of Eq. 28 around the fields: what a triangle alone may deviate
 MOVES = 0.5  # mm: what a shape must move to be learned from
 
@@ -86,11 +92,12 @@ def refine(
         raise InputError(f"There is no method {method!r} to refine a rig; choose fields or paper.")
     moved = _moved(rig, example_meshes)
     given = _first_weights(rig, moved) if weights is None else _checked(rig, weights, len(moved))
+    error = 0.0 if weights is None else WEIGHT_ERROR  # solved weights have taken up what the shapes lack already
     if method == "paper":
         surface = make_surface(rig.mesh.vertices, rig.mesh.faces)
         made = rig_from_examples(surface, rig.deltas.astype(np.float64), moved, given, rig.bounds)
         return Refinement(replace(rig, deltas=made.deltas), made.weights, made.energies, made.max_kkt, made.residual)
-    return _with_fields(rig, moved, given)
+    return _with_fields(rig, moved, given, error)
 
 
 def asked_for(rig: Rig, names: Sequence[str]) -> np.ndarray | None:
@@ -129,7 +136,7 @@ def _first_weights(rig: Rig, moved: np.ndarray) -> np.ndarray:
     return solve_box(flat @ flat.T, linear, lower=rig.bounds[:, 0], upper=rig.bounds[:, 1])[0]
 
 
-def _with_fields(rig: Rig, moved: np.ndarray, given: np.ndarray) -> Refinement:
+def _with_fields(rig: Rig, moved: np.ndarray, given: np.ndarray, error: float) -> Refinement:
     moving = _learned_from(rig)
     waves = smooth_functions(rig.mesh.vertices[moving])
     at = moving[spread_out(rig.mesh.vertices[moving], SAMPLES)]
@@ -138,7 +145,7 @@ def _with_fields(rig: Rig, moved: np.ndarray, given: np.ndarray) -> Refinement:
     seen, weights = moved[:, at].transpose(1, 0, 2), given
     costs: list[dict[str, float]] = []
     max_kkt = 0.0
-    fields = fit_fields(problem, seen, weights)
+    fields = fit_fields(problem, seen, weights, error)
     costs.append(fields.energies)
     for _ in range(ROUNDS - 1):
         weights, kkt = _weights(problem, fields.applied(shapes, problem.waves), seen, given, rig.bounds)

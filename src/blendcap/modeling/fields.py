@@ -19,6 +19,7 @@ OWN_GAIN = 0.05  # and of each shape's own
 BEND = 0.15  # of a motion's length: its change in any direction, a field of each shape
 ROUGH = 1.0  # mm: what examples have that no field explains, at each sample on its own
 SMOOTH = 0.6  # mm: and what is smooth over the face: registration, correctives that the rig lacks
+WEIGHT_ERROR = 0.1  # standard deviation of the given weights
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,24 +103,33 @@ def smooth_functions(points: np.ndarray):
     return lambda places: covariance(places) @ scaled
 
 
-def fit_fields(problem: FieldProblem, moved: np.ndarray, weights: np.ndarray) -> Fields:
+def fit_fields(problem: FieldProblem, moved: np.ndarray, weights: np.ndarray, error: float = 0.0) -> Fields:
     """The most probable fields for examples (S, J, 3), mm from rest, under their weights (J, N).
 
-    First the gains, then what is left as bends; each is one linear system.
+    First the gains, then what is left as bends; each is one linear system. Where the weights have an `error` (standard
+    deviation), gains are found for any weights near the given ones: a jaw that was opened a little more than asked for
+    is no gain of the shapes that were shown together with it.
     """
-    missing = moved - np.tensordot(problem.deltas, weights, axes=(1, 1)).transpose(0, 2, 1)
+    missing = _missing(moved, problem.deltas, weights)
     functions = np.column_stack([np.ones(len(problem.waves)), problem.waves])
-    gains, cost, first = _solve(problem, problem.deltas, functions, missing, weights, _gain_precision(problem))
+    system = _System(problem, problem.deltas, functions, missing, weights, _gain_precision(problem))
+    corrected = system.free_weights(weights, error) if error else None
+    gains, cost, first = system.solve()
+    weights = weights if corrected is None else weights + corrected(gains)
     fields = Fields(gains[..., 0], np.zeros((len(gains), problem.waves.shape[1], 3)), {}, first)
-    changed = fields.applied(problem.deltas, problem.waves)
-    missing = moved - np.tensordot(changed, weights, axes=(1, 1)).transpose(0, 2, 1)
+    missing = _missing(moved, fields.applied(problem.deltas, problem.waves), weights)
     length = np.linalg.norm(problem.deltas, axis=2, keepdims=True)
     precision = np.eye(weights.shape[1] * problem.waves.shape[1]) / BEND**2
-    bends, more, second = _solve(problem, length, problem.waves, missing, weights, precision)
+    bends, more, second = _System(problem, length, problem.waves, missing, weights, precision).solve()
     fields = Fields(gains[..., 0], bends, {}, max(first, second))
-    left = moved - np.tensordot(fields.applied(problem.deltas, problem.waves), weights, axes=(1, 1)).transpose(0, 2, 1)
+    left = _missing(moved, fields.applied(problem.deltas, problem.waves), weights)
     fit = float(np.vdot(left, problem.whitened(left)))
     return Fields(gains[..., 0], bends, {"fit": fit, "gains": cost, "bends": more}, max(first, second))
+
+
+def _missing(moved: np.ndarray, shapes: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """What shapes (S, N, 3) under weights (J, N) leave of the examples (S, J, 3)."""
+    return moved - np.tensordot(shapes, weights, axes=(1, 1)).transpose(0, 2, 1)
 
 
 def _gain_precision(problem: FieldProblem) -> np.ndarray:
@@ -136,22 +146,52 @@ def _gain_precision(problem: FieldProblem) -> np.ndarray:
     return precision.reshape(count * functions, -1)
 
 
-def _solve(problem: FieldProblem, motions, functions, missing, weights, precision):
+class _System:
     """Coefficients (N, K, 1 or 3) of `missing = sum over i, k of weight_i function_k motion_i`, most probable.
 
     Motions (S, N, 3) share one coefficient over the axes; lengths (S, N, 1) have one an axis.
     """
-    samples, count, axes = motions.shape
-    kinds, poses = functions.shape[1], len(weights)
-    columns = (motions.transpose(0, 2, 1)[..., None] * functions[:, None, None, :]).reshape(samples, -1)
-    columns = problem.whitened(columns).reshape(samples * axes, -1), columns.reshape(samples * axes, -1)
-    system = np.repeat(np.repeat(weights.T @ weights, kinds, axis=0), kinds, axis=1)
-    system *= columns[0].T @ columns[1]
-    system += precision
-    seen = columns[0].T @ missing.transpose(0, 2, 1).reshape(samples * axes, -1)  # axes in rows, or poses by axes
-    seen = seen.reshape(count, kinds, 3 // axes, poses)
-    right = np.einsum("nkcj,jn->nkc", seen, weights).reshape(count * kinds, -1)
-    answer = cho_solve(cho_factor(system, lower=True), right)
-    missed = np.abs(system @ answer - right).max() / max(float(np.abs(right).max()), 1e-300)
-    cost = float(np.vdot(answer, precision @ answer))
-    return answer.reshape(count, kinds, -1), cost, float(missed)
+
+    def __init__(self, problem: FieldProblem, motions, functions, missing, weights, precision):
+        samples, self.count, axes = motions.shape
+        self.kinds, self.precision = functions.shape[1], precision
+        self.plain = motions.transpose(0, 2, 1).reshape(samples * axes, self.count)
+        columns = (motions.transpose(0, 2, 1)[..., None] * functions[:, None, None, :]).reshape(samples, -1)
+        self.columns = problem.whitened(columns).reshape(samples * axes, -1)
+        self.white = problem.whitened(self.plain.reshape(samples, -1)).reshape(self.plain.shape)
+        self.missing = missing.transpose(0, 2, 1).reshape(samples * axes, -1)  # axes in rows, or poses by axes
+        self.matrix = np.repeat(np.repeat(weights.T @ weights, self.kinds, axis=0), self.kinds, axis=1)
+        self.matrix *= self.columns.T @ columns.reshape(samples * axes, -1)
+        self.matrix += precision
+        seen = (self.columns.T @ self.missing).reshape(self.count, self.kinds, 3 // axes, len(weights))
+        self.right = np.einsum("nkcj,jn->nkc", seen, weights).reshape(self.count * self.kinds, -1)
+
+    def free_weights(self, weights: np.ndarray, error: float):
+        """Let the weights (J, N) that are not 0 be off by `error`; what they are off by (J, N) is a function of gains.
+
+        They are unknowns of one example only and are eliminated, example by example (Schur complement).
+        """
+        across, own, seen = self.columns.T @ self.plain, self.plain.T @ self.white, self.white.T @ self.missing
+        parts = []
+        for j, row in enumerate(weights):
+            used = np.flatnonzero(row > 0)
+            inverse = np.linalg.inv(np.eye(len(used)) / error**2 + own[np.ix_(used, used)])
+            coupled = np.repeat(row, self.kinds)[:, None] * across[:, used]
+            self.matrix -= coupled @ inverse @ coupled.T
+            self.right -= (coupled @ (inverse @ seen[used, j]))[:, None]
+            parts.append((j, used, inverse, coupled))
+
+        def off(gains: np.ndarray) -> np.ndarray:
+            result = np.zeros_like(weights)
+            for j, used, inverse, coupled in parts:
+                result[j, used] = inverse @ (seen[used, j] - coupled.T @ gains.ravel())
+            return result
+
+        return off
+
+    def solve(self) -> tuple[np.ndarray, float, float]:
+        """The coefficients, what their prior costs, and the relative residual."""
+        answer = cho_solve(cho_factor(self.matrix, lower=True), self.right)
+        missed = np.abs(self.matrix @ answer - self.right).max() / max(float(np.abs(self.right).max()), 1e-300)
+        cost = float(np.vdot(answer, self.precision @ answer))
+        return answer.reshape(self.count, self.kinds, -1), cost, float(missed)

@@ -33,7 +33,7 @@ class Registration:
         One for each stiffness: the certificate.
     distance : (V,) float64
         From each vertex to the scan, mm; NaN where the template has no counterpart in it (inside, holes, beyond its
-        border, carried parts).
+        border, carried parts, matches that folded the skin and were dropped).
     flipped : (K,) int64
         Faces that are folded over and were not in the template.
     alignment : (rotation (3, 3), translation (3,), scale)

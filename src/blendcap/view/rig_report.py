@@ -19,6 +19,7 @@ from blendcap.view.heatmap import heatmap
 from blendcap.view.image import draw_text
 from blendcap.view.posing import framed_vertices
 
+FEW = 0.5  # of the skin: a scan that shows less is a piece
 SIDES = (0.0, 0.7, 1.5708)  # yaw, rad
 CELL = (380, 460)
 SHOWN = ("jawOpen", "eyeBlinkLeft", "mouthSmileLeft", "browInnerUp", "mouthPucker", "cheekPuff")
@@ -131,6 +132,11 @@ def doubts(built: BuiltRig, facts: Mapping[str, Any]) -> list[str]:
         lines.append(
             f"{facts['flipped']} triangles are folded over ({where}); those in ears, or inside of lips, may "
             "be left so, others ask for more landmarks around them."
+        )
+    if found.levels[-1].matched < FEW:
+        lines.append(
+            f"Only {found.levels[-1].matched:.0%} of the skin has a place on the scan: the scan, or the template, "
+            "lacks parts that the other has, which are extrapolated; cut the template, or scan more of the head."
         )
     for number, level in enumerate(found.levels):
         if not level.converged:
