@@ -8,6 +8,7 @@ from scipy import sparse
 
 from blendcap.data import InputError
 from blendcap.numerics.leastsq import Term, assemble, energies, factorize
+from spoil import WrongSolver
 
 
 @pytest.fixture(params=["splu", "cholmod"])
@@ -127,6 +128,32 @@ def test_backends_agree_on_an_ill_conditioned_system():
     first, second = (factor.solve(rhs) for factor in factors)
     np.testing.assert_allclose(first, second, atol=1e-8 * np.abs(first).max())
     assert max(factor.residual for factor in factors) < 1e-14
+
+
+def relative(matrix, rhs, x):
+    """The residual by its definition, from the answer alone."""
+    size = abs(matrix).sum(0).max() * np.abs(x).max(0) + np.abs(rhs).max(0)
+    return (np.abs(rhs - matrix @ x).max(0) / size).max()
+
+
+def test_the_residual_tells_of_a_wrong_answer(backend):
+    matrix, rhs = assemble(random_terms())
+    factor = factorize(matrix, backend)
+    factor._solver = WrongSolver(factor._solver)  # pyright: ignore[reportAttributeAccessIssue]
+    answer = factor.solve(rhs)
+    assert factor.residual > 1e-7
+    assert factor.residual == pytest.approx(relative(matrix, rhs, answer), rel=1e-6, abs=0)
+
+
+def test_the_residual_of_a_near_matrix_is_its_own():
+    """Conjugate gradients stop when they are near enough: what is left is said, as it is."""
+    rng, edges = np.random.default_rng(2), grid(12)
+    matrix = sparse.csc_matrix(edges.T @ edges + sparse.diags(rng.uniform(0.5, 1, 144)))
+    other, rhs = matrix + sparse.diags(rng.uniform(0, 0.5, 144)), rng.normal(size=(144, 3))
+    factor = factorize(matrix, "splu")
+    answer = factor.solve_near(other, rhs, factor.solve(rhs))
+    assert 1e-13 < factor.residual < 1e-8
+    assert factor.residual == pytest.approx(relative(other, rhs, answer), rel=1e-2, abs=0)
 
 
 @pytest.mark.parametrize("shift", [0.0, 1e-17])

@@ -7,9 +7,10 @@ import pytest
 
 from blendcap import InputError, Mesh, Rig, mannequin, transfer_rig
 from blendcap.modeling.contacts import gaps
+from blendcap.modeling.differences import costs, differences
 from blendcap.modeling.globes import find_globes
 from blendcap.modeling.parts import pieces
-from blendcap.modeling.transfer import transfer
+from blendcap.modeling.transfer import _aligned, transfer
 from blendcap.numerics.geodesic import sewn_vertices
 from sheet import sheet_rig
 
@@ -64,19 +65,26 @@ def test_turning_and_scaling_the_template_changes_nothing(method):
     np.testing.assert_allclose(transfer_rig(lying, other_face(rig), method=method).deltas, expected.deltas, atol=2e-5)
 
 
-def test_the_papers_answer_solves_eq_25_in_its_four_vertex_form():
-    """Sumner and Popović's own system, dense, with a fourth vertex a triangle, on a small mesh."""
+@pytest.mark.parametrize("counted", ["alike", "by area"])
+def test_transfer_solves_eq_25_in_its_four_vertex_form(counted):
+    """Sumner and Popović's own system, dense, with a fourth vertex a triangle, on a small mesh of uneven triangles."""
     rng = np.random.default_rng(3)
-    rest = np.array([[0, 0, 0], [2, 0, 0.3], [0, 2, 0], [2, 2, -0.2], [1, 3, 0.5]])
+    rest = np.array([[0, 0, 0], [2, 0, 0.3], [0, 2, 0], [2, 2, -0.2], [1, 9, 0.5]])
     faces = np.array([[0, 1, 2], [1, 3, 2], [2, 3, 4]])
     new = rest * [1.2, 0.9, 1.0] + 0.1 * rng.normal(size=rest.shape)
     delta = 0.3 * rng.normal(size=rest.shape)
     delta[0] = 0  # still: takes the gauge away
     rig = Rig(Mesh(rest, faces), delta[None].astype(np.float32), ("bend",))
-    ours = transfer(rig, Mesh(new, faces), method="paper")
-    from blendcap.modeling.transfer import _aligned
-
     pair = _aligned(rig, Mesh(new, faces), faces)
+    first, second = (new[faces[:, k]] - new[faces[:, 0]] for k in (1, 2))
+    area = np.linalg.norm(np.cross(first, second), axis=1) / 2
+    assert area.max() > 3 * area.min()
+    if counted == "alike":
+        ours = transfer(rig, Mesh(new, faces), method="paper")
+        deltas, cost, area = ours.rig.deltas, ours.energies, np.ones(3)
+    else:
+        deltas = pair.deltas + differences(pair).field
+        cost = costs(pair, deltas)
 
     def frame(v, f):
         a, b = v[f[1]] - v[f[0]], v[f[2]] - v[f[0]]
@@ -85,19 +93,18 @@ def test_the_papers_answer_solves_eq_25_in_its_four_vertex_form():
 
     rows, right = [], []
     for k, f in enumerate(faces):
-        area = np.linalg.norm(np.cross(new[f[1]] - new[f[0]], new[f[2]] - new[f[0]])) / 2
         inverse = np.linalg.inv(frame(new, f))
         wanted = frame(pair.template + pair.deltas[0], f) @ np.linalg.inv(frame(pair.template, f))
         for j in range(3):
             row = np.zeros(len(rest) + len(faces))
             row[f[0]], row[f[1]], row[f[2]], row[5 + k] = -inverse[:, j].sum(), *inverse[:, j]
-            rows.append(np.sqrt(area) * row)
-            right.append(np.sqrt(area) * wanted[:, j])
+            rows.append(np.sqrt(area[k]) * row)
+            right.append(np.sqrt(area[k]) * wanted[:, j])
     rows, right = np.array(rows), np.array(right)
-    known = rows[:, 0]
-    answer = np.linalg.lstsq(rows[:, 1:], right - np.outer(known, new[0]), rcond=None)[0][:4]
-    np.testing.assert_allclose(new[1:] + ours.rig.deltas[0, 1:], answer, atol=1e-5)
-    assert ours.residual < 1e-12
+    right -= np.outer(rows[:, 0], new[0])
+    answer = np.linalg.lstsq(rows[:, 1:], right, rcond=None)[0]
+    np.testing.assert_allclose(new[1:] + deltas[0, 1:], answer[:4], atol=1e-5)
+    assert cost[0] == pytest.approx(((rows[:, 1:] @ answer - right) ** 2).sum(), rel=1e-5)
 
 
 def test_lids_close_and_lips_meet_where_plain_transfer_leaves_gaps(people):
@@ -179,6 +186,29 @@ def test_pieces_that_float_are_placed_and_a_face_without_texture_gets_the_templa
         made = transfer_rig(double, Mesh(vertices * 1.3, faces), method=method)
         np.testing.assert_allclose(made.deltas, 1.3 * double.deltas, atol=1e-4)
         assert made.mesh.uv is not None and made.mesh.texture is None
+
+
+def test_a_lash_follows_the_lid_that_is_mended():
+    """A strip above the left lid; the new eye is 2 mm higher, so that its blink is longer than plain transfer's."""
+    rig = sheet_rig()
+    lid = rig.contacts["lids_left"][:, 0]
+    x, y, _ = rig.mesh.vertices.T
+    near = np.flatnonzero((np.abs(x - 26) < 7) & (np.abs(y - 32) < 1))
+    count = len(x)
+    strip = np.concatenate([rig.mesh.vertices[near] + [0, 0, 0.5], rig.mesh.vertices[near] + [0, 0.5, 2.0]])
+    one, two = np.arange(len(near) - 1), np.arange(1, len(near))
+    faces = np.concatenate(
+        [np.stack([one, two, one + len(near)], 1), np.stack([two, two + len(near), one + len(near)], 1)]
+    )
+    mesh = Mesh(np.concatenate([rig.mesh.vertices, strip]), np.concatenate([rig.mesh.faces, count + faces]))
+    deltas = np.concatenate([rig.deltas, rig.deltas[:, near], 0.9 * rig.deltas[:, near]], axis=1)  # it bends: no solid
+    lashed = replace(rig, mesh=mesh, deltas=deltas)
+    higher = mesh.vertices.copy()
+    higher[mesh.vertices[:, 1] > 30, 1] += 2
+    made = transfer_rig(lashed, mesh.with_vertices(higher))
+    blink = made.deltas[made.index("eyeBlinkLeft")]
+    assert (blink[lid, 1] < -9.5).all()
+    np.testing.assert_allclose(blink[count : count + len(near)], blink[near], atol=0.3)
 
 
 def test_texture_seams_stay_closed():

@@ -30,12 +30,15 @@ class Patch:
         Vertices of the patch.
     compliance : (K, C) float64
         Displacement of the patch under a unit pull at each pulled vertex: a membrane with a fixed border.
+    residual : float
+        Relative residual of the solve for it.
     """
 
     pairs: np.ndarray
     pulled: np.ndarray
     near: np.ndarray
     compliance: np.ndarray
+    residual: float
 
 
 def make_patch(rest: np.ndarray, pairs: np.ndarray, stiffness, reach: float) -> Patch:
@@ -51,11 +54,16 @@ def make_patch(rest: np.ndarray, pairs: np.ndarray, stiffness, reach: float) -> 
     factor = factorize(inner + sparse.diags(GAUGE * inner.diagonal()))
     pull = np.zeros((len(near), len(pulled)))
     pull[np.searchsorted(near, pulled), np.arange(len(pulled))] = 1
-    return Patch(places.reshape(-1, 2), pulled, near, factor.solve(pull))
+    compliance = factor.solve(pull)
+    return Patch(places.reshape(-1, 2), pulled, near, compliance, factor.residual)
 
 
-def close(patch: Patch, deltas: np.ndarray, wanted: np.ndarray, active: np.ndarray, motion: np.ndarray) -> np.ndarray:
+def close(
+    patch: Patch, deltas: np.ndarray, wanted: np.ndarray, active: np.ndarray, motion: np.ndarray
+) -> tuple[np.ndarray, float]:
     """The displacements (V, 3) of one shape, corrected so that the active pairs move apart or together as wanted.
+
+    With them comes the relative residual of the solve for the pulls.
 
     Parameters
     ----------
@@ -69,11 +77,11 @@ def close(patch: Patch, deltas: np.ndarray, wanted: np.ndarray, active: np.ndarr
     """
     largest = motion[patch.pulled].max(initial=0.0)
     if largest <= 0:
-        return deltas
+        return deltas, 0.0
     yields = np.minimum(motion / largest, 1.0)
     active = active & (yields[patch.pulled][patch.pairs].max(1) > 1e-3)
     if not active.any():
-        return deltas
+        return deltas, 0.0
     one, two = patch.pairs[active].T
     at = patch.pulled
     share = yields[at]
@@ -84,8 +92,10 @@ def close(patch: Patch, deltas: np.ndarray, wanted: np.ndarray, active: np.ndarr
     system[np.diag_indices_from(system)] += YIELD * np.median(np.diag(system))
     missing = wanted[active] - (deltas[at[one]] - deltas[at[two]])
     corrected = deltas.copy()
-    corrected[patch.near] += columns @ np.linalg.solve(system, missing)
-    return corrected
+    pulls = np.linalg.solve(system, missing)
+    corrected[patch.near] += columns @ pulls
+    size = np.abs(system).sum(1).max() * np.abs(pulls).max() + np.abs(missing).max()
+    return corrected, float(np.abs(system @ pulls - missing).max() / max(size, 1e-300))
 
 
 def wanted_gaps(

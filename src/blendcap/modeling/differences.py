@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -55,8 +56,6 @@ class Differences:
         The cotangent Laplacian of the new face.
     areas : (V,) float64
         mm² of each vertex.
-    energies : (N,) float64
-        What Eq. 24 costs, mm²: differences of the gradients, squared, times area.
     residual : float
         Largest relative residual of the solves.
     """
@@ -64,31 +63,49 @@ class Differences:
     field: np.ndarray
     stiffness: sparse.csc_matrix
     areas: np.ndarray
-    energies: np.ndarray
     residual: float
 
 
-def differences(faces: Faces) -> Differences:
+def differences(faces: Faces, weights: np.ndarray | None = None) -> Differences:
     """Solve Eq. 25 for all shapes at once, in the unknowns `u = transferred - copied`.
 
     Vertices that no shape moves have u = 0 and are no unknowns. A piece without such a vertex may float: it is placed
-    so that what is nearly still in a shape stays.
+    so that what is nearly still in a shape stays. `weights` (F,) is what each triangle counts; its area by default.
     """
     gradient, areas = gradient_operator(faces.rest, faces.faces)
-    weighted = (gradient.T @ sparse.diags(np.repeat(areas, 3))).tocsr()
+    weighted = (gradient.T @ sparse.diags(np.repeat(areas if weights is None else weights, 3))).tocsr()
     stiffness = sparse.csc_matrix(weighted @ gradient)
-    right, before = _right_sides(faces, gradient, areas, weighted)
+    right = np.empty((len(faces.rest), 3 * len(faces.deltas)))
+    for i, wanted in enumerate(_wanted(faces)):
+        right[:, 3 * i : 3 * i + 3] = weighted @ (wanted.reshape(-1, 3) - gradient @ faces.deltas[i])
     free, floating = _unknowns(faces, stiffness)
     inner = sparse.csc_matrix(stiffness[free][:, free])
     factor = factorize(inner + sparse.diags(GAUGE * inner.diagonal() * floating[free]))
     solved = np.zeros_like(right)
     solved[free] = factor.solve(right[free])
-    gained = (solved * right).sum(0).reshape(-1, 3).sum(1)
     field = _fields(solved)
     for piece in faces.pieces:
         if floating[piece[0]]:
             _place(field, faces.deltas, piece)
-    return Differences(field, stiffness, _of_vertices(faces.faces, areas, len(right)), before - gained, factor.residual)
+    return Differences(field, stiffness, _of_vertices(faces.faces, areas, len(right)), factor.residual)
+
+
+def costs(faces: Faces, deltas: np.ndarray, weights: np.ndarray | None = None) -> np.ndarray:
+    """What Eq. 24 costs at shapes (N, V, 3) of the new face, (N,): squared differences of the gradients, weighted.
+
+    What no displacement can answer, across the plane of a triangle, is left out: the fourth vertex takes all of it.
+    """
+    gradient, areas = gradient_operator(faces.rest, faces.faces)
+    weights = areas if weights is None else weights
+    a, b, c = (faces.rest[faces.faces[:, k]] for k in range(3))
+    normal = np.cross(b - a, c - a)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
+    result = np.empty(len(deltas))
+    for i, wanted in enumerate(_wanted(faces)):
+        off = wanted - (gradient @ deltas[i]).reshape(-1, 3, 3)
+        across = np.einsum("fk,fkc->fc", normal, off)
+        result[i] = weights @ (np.einsum("fkc,fkc->f", off, off) - np.einsum("fc,fc->f", across, across))
+    return result
 
 
 def surface_of(rest: np.ndarray, faces: np.ndarray) -> tuple[sparse.csc_matrix, np.ndarray]:
@@ -102,16 +119,19 @@ def _of_vertices(faces: np.ndarray, areas: np.ndarray, count: int) -> np.ndarray
     return np.bincount(faces.ravel(), np.repeat(areas / 3, 3), count)
 
 
-def hang(solved: Differences, field: np.ndarray, piece: np.ndarray, holders: np.ndarray) -> None:
+def hang(solved: Differences, field: np.ndarray, piece: np.ndarray, holders: np.ndarray) -> float:
     """Let a piece follow the skin: solve it again, held to the skin's field at its near vertices (in place).
 
-    `holders` (K,) is for each vertex of the piece the skin vertex that holds it, -1 where none is near.
+    `holders` (K,) is for each vertex of the piece the skin vertex that holds it, -1 where none is near. Returns the
+    relative residual of the solve.
     """
     inner = sparse.csc_matrix(solved.stiffness[piece][:, piece])
     hold = HOLD * inner.diagonal() * (holders >= 0)
     followed = field[:, np.maximum(holders, 0)]
     right = inner @ _columns(solved.field[:, piece]) + hold[:, None] * _columns(followed)
-    field[:, piece] = _fields(factorize(inner + sparse.diags(hold)).solve(right))
+    factor = factorize(inner + sparse.diags(hold))
+    field[:, piece] = _fields(factor.solve(right))
+    return factor.residual
 
 
 def _columns(fields: np.ndarray) -> np.ndarray:
@@ -124,25 +144,16 @@ def _fields(columns: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(columns.reshape(len(columns), -1, 3).transpose(1, 0, 2))
 
 
-def _right_sides(faces: Faces, gradient, areas, weighted) -> tuple[np.ndarray, np.ndarray]:
-    """The right-hand sides (V, 3 N) of all shapes, and what Eq. 24 costs at the copied ones, (N,)."""
+def _wanted(faces: Faces) -> Iterator[np.ndarray]:
+    """Shape by shape the gradients (F, 3, 3) that each triangle's displacement should have, as the template's does."""
     inverse = inverse_frames(faces.template, faces.faces)
-    a, b, c = (faces.rest[faces.faces[:, k]] for k in range(3))
-    normal = np.cross(b - a, c - a)
-    normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
-    right = np.empty((len(faces.rest), 3 * len(faces.deltas)))
-    before = np.empty(len(faces.deltas))
-    for i, delta in enumerate(faces.deltas):
+    for delta in faces.deltas:
         moved = delta.any(1)
-        rows = np.flatnonzero(moved[faces.faces[:, 0]] | moved[faces.faces[:, 1]] | moved[faces.faces[:, 2]])
+        rows = np.flatnonzero(moved[faces.faces].any(1))
+        wanted = np.zeros((len(faces.faces), 3, 3))
         maps = deformation_gradients(inverse[rows], faces.template + delta, faces.faces[rows])
-        missing = -(gradient @ delta)
-        part = missing.reshape(-1, 3, 3)[rows] + maps.transpose(0, 2, 1) - np.eye(3)
-        missing.reshape(-1, 3, 3)[rows] = part
-        right[:, 3 * i : 3 * i + 3] = weighted @ missing
-        across = np.einsum("fk,fkc->fc", normal[rows], part)  # what no displacement in the triangle's plane can answer
-        before[i] = areas[rows] @ (np.einsum("fkc,fkc->f", part, part) - np.einsum("fc,fc->f", across, across))
-    return right, before
+        wanted[rows] = maps.transpose(0, 2, 1) - np.eye(3)
+        yield wanted
 
 
 def _unknowns(faces: Faces, stiffness) -> tuple[np.ndarray, np.ndarray]:

@@ -152,22 +152,26 @@ def _with_fields(rig: Rig, moved: np.ndarray, given: np.ndarray, error: float) -
         fields = fit_fields(problem, seen, weights)
         max_kkt = max(max_kkt, kkt)
         costs.append(fields.energies)
-    change = _local(rig, moving, fields.applied, waves, moved, weights)
+    change, local = _local(rig, moving, fields.applied, waves, moved, weights)
     energies = {name: np.array([cost[name] for cost in costs]) for name in costs[0]}
-    refined = replace(rig, deltas=_kept(rig, change).astype(np.float32))
-    return Refinement(refined, weights, energies, max_kkt, fields.residual)
+    deltas, kept = _kept(rig, change)
+    refined = replace(rig, deltas=deltas.astype(np.float32))
+    return Refinement(refined, weights, energies, max_kkt, max(fields.residual, local, kept))
 
 
-def _local(rig: Rig, moving: np.ndarray, applied, waves, moved: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """What is added to the shapes (N, V, 3): the fields, and around them what each triangle alone can tell (Eq. 27)."""
+def _local(rig: Rig, moving: np.ndarray, applied, waves, moved: np.ndarray, weights: np.ndarray):
+    """What is added to the shapes (N, V, 3): the fields, and around them what each triangle alone can tell (Eq. 27).
+
+    With it comes the relative residual of the solve.
+    """
     shapes = rig.deltas.astype(np.float64)
     old = shapes[:, moving].transpose(1, 0, 2)
     shapes[:, moving] = applied(old, waves(rig.mesh.vertices[moving])).transpose(1, 0, 2)
     surface = make_surface(rig.mesh.vertices, sewn_vertices(rig.mesh.vertices, rig.deltas)[rig.mesh.faces])
-    new, _, _ = shapes_from_examples(surface, shapes, moved, weights, LOCAL)
+    new = shapes_from_examples(surface, shapes, moved, weights, LOCAL)
     change = np.zeros_like(shapes)
     change[:, moving] = new[:, moving] - rig.deltas[:, moving]
-    return change
+    return change, surface.factor.residual
 
 
 def _learned_from(rig: Rig) -> np.ndarray:
@@ -188,12 +192,13 @@ def _weights(problem: FieldProblem, shapes, seen, given, bounds) -> tuple[np.nda
     return weights, certificate.max_kkt
 
 
-def _kept(rig: Rig, change: np.ndarray) -> np.ndarray:
-    """The changed shapes (N, V, 3) with the rig's own contact, clear eyeballs and solid bodies kept."""
+def _kept(rig: Rig, change: np.ndarray) -> tuple[np.ndarray, float]:
+    """The changed shapes (N, V, 3) with the rig's own contact, clear eyeballs and solid bodies kept; the residual."""
     sewn = sewn_vertices(rig.mesh.vertices, rig.deltas)
     faces = sewn[rig.mesh.faces]
     parts = pieces(faces, len(rig.mesh.vertices))
     same = Faces(rig.mesh.vertices, rig.deltas.astype(np.float64), rig.mesh.vertices, faces, parts, 1.0)
     stiffness, areas = surface_of(rig.mesh.vertices, faces)
-    solved = Differences(change, stiffness, areas, np.zeros(0), 0.0)
-    return keep(rig, same, solved, sewn, dict(rig.contacts) or find_contacts(rig))[:, sewn]
+    solved = Differences(change, stiffness, areas, 0.0)
+    deltas, residual = keep(rig, same, solved, sewn, dict(rig.contacts) or find_contacts(rig))
+    return deltas[:, sewn], residual

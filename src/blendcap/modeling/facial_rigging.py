@@ -30,7 +30,8 @@ class Rigging:
     deltas : (N, V, 3) float64
     weights : (J, N) float64
     energies : {term: (R,) float64}
-        After each round: `fit` (Eq. 27) and `regularization` (Eq. 28, with β), mm² of area; `weights` (Eq. 29), mm².
+        What the shapes and weights at the end of each round cost: `fit` (Eq. 27) and `regularization` (Eq. 28, with β),
+        mm² of area; `weights` (Eq. 29), mm².
     max_kkt : float
         Largest optimality residual of the weights.
     residual : float
@@ -93,29 +94,37 @@ def rig_from_examples(surface: Surface, deltas, moved, weights, bounds) -> Riggi
     costs: list[tuple[float, float, float]] = []
     max_kkt, residual = 0.0, 0.0
     for beta, gamma in zip(np.linspace(*BETA, ROUNDS), np.linspace(*GAMMA, ROUNDS), strict=True):
-        deltas, fit, regular = shapes_from_examples(surface, prior, moved, weights, beta)
+        deltas = shapes_from_examples(surface, prior, moved, weights, beta)
         residual = max(residual, surface.factor.residual)
         weights, kkt, cost = _weights(deltas, moved, given, bounds, gamma)
         max_kkt = max(max_kkt, kkt)
-        costs.append((fit, regular, cost))
+        costs.append((*example_costs(surface, prior, deltas, moved, weights, beta), cost))
     names = ("fit", "regularization", "weights")
     return Rigging(deltas, weights, dict(zip(names, np.transpose(costs), strict=True)), max_kkt, residual)
 
 
 def shapes_from_examples(
     surface: Surface, prior: np.ndarray, examples: np.ndarray, weights: np.ndarray, beta: float
-) -> tuple[np.ndarray, float, float]:
-    """Shapes (N, V, 3) that fit the examples (J, V, 3) under fixed weights, and what Eq. 27 and β Eq. 28 cost."""
-    right, fit, regular = surface.gauge[:, None] * _columns(prior), 0.0, 0.0
-    for rows, old, seen in _chunks(surface.gradient, prior, examples):
-        stiffness = beta * own_weights(old)
-        new = local_shapes(old, seen, weights, stiffness)
+) -> np.ndarray:
+    """Shapes (N, V, 3) that fit the examples (J, V, 3) under fixed weights: each triangle, then one surface."""
+    right = surface.gauge[:, None] * _columns(prior)
+    for rows, (old, seen) in _chunks(surface.gradient, prior, examples):
+        new = local_shapes(old, seen, weights, beta * own_weights(old))
         stacked = new.reshape(len(new), -1, 3, 3).transpose(0, 2, 1, 3).reshape(len(rows), -1)
         right += surface.weighted[:, rows] @ stacked
+    return _fields(surface.factor.solve(right))
+
+
+def example_costs(
+    surface: Surface, prior: np.ndarray, deltas: np.ndarray, examples: np.ndarray, weights: np.ndarray, beta: float
+) -> tuple[float, float]:
+    """What Eq. 27 and β times Eq. 28 cost at shapes (N, V, 3) and weights (J, N), mm² of area."""
+    fit, regular = 0.0, 0.0
+    for rows, (old, new, seen) in _chunks(surface.gradient, prior, deltas, examples):
         area = surface.areas[rows[::3] // 3]
         fit += float(area @ ((np.matmul(weights, new) - seen) ** 2).sum((1, 2)))
-        regular += float(area @ (stiffness * ((new - old) ** 2).sum(2)).sum(1))
-    return _fields(surface.factor.solve(right)), fit, regular
+        regular += beta * float(area @ (own_weights(old) * ((new - old) ** 2).sum(2)).sum(1))
+    return fit, regular
 
 
 def own_weights(gradients: np.ndarray) -> np.ndarray:
@@ -145,14 +154,13 @@ def local_shapes(prior: np.ndarray, examples: np.ndarray, weights: np.ndarray, s
     return prior + loose.transpose(0, 2, 1) @ np.linalg.solve(inner, examples - weights @ prior)
 
 
-def _chunks(gradient, prior, examples) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """Rows of the operator, and the gradients (f, N, 9) and (f, J, 9) of shapes and examples there."""
-    shapes, poses = _columns(prior), _columns(examples)
+def _chunks(gradient, *fields: np.ndarray) -> Iterator[tuple[np.ndarray, list[np.ndarray]]]:
+    """Rows of the operator, and there the gradients (f, n, 9) of each of the fields (n, V, 3)."""
+    columns = [_columns(field) for field in fields]
     for start in range(0, gradient.shape[0], 3 * CHUNK):
         rows = np.arange(start, min(start + 3 * CHUNK, gradient.shape[0]))
-        part = gradient[rows]
-        old, seen = ((part @ c).reshape(len(rows) // 3, 3, -1, 3).transpose(0, 2, 1, 3) for c in (shapes, poses))
-        yield rows, old.reshape(len(old), -1, 9), seen.reshape(len(seen), -1, 9)
+        part, count = gradient[rows], len(rows) // 3
+        yield rows, [(part @ c).reshape(count, 3, -1, 3).transpose(0, 2, 1, 3).reshape(count, -1, 9) for c in columns]
 
 
 def _weights(deltas, examples, given, bounds, gamma: float) -> tuple[np.ndarray, float, float]:

@@ -11,9 +11,10 @@ FLAT = 1e-6  # a triangle whose height is this part of its longest edge, or less
 def gradient_operator(vertices: np.ndarray, faces: np.ndarray) -> tuple[sparse.csr_matrix, np.ndarray]:
     """The operator that takes values at vertices to their gradient in the plane of each triangle.
 
-    It needs no fourth vertex: least squares over it has the same solution as the thesis' Eq. 25 (Botsch and others
-    2006, "Deformation transfer for detail-preserving surface editing"), with V unknowns instead of V + F. Weighted by
-    the areas, `G' A G` is the cotangent Laplacian.
+    It needs no fourth vertex: least squares over it has the same solution as the thesis' Eq. 25, with V unknowns
+    instead of V + F, where every triangle counts alike. Weighted by the areas, `G' A G` is the cotangent Laplacian and
+    the solution that of Botsch and others (2006), "Deformation transfer for detail-preserving surface editing": it
+    depends on the surface rather than on how it is cut into triangles.
 
     Parameters
     ----------

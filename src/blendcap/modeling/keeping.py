@@ -20,8 +20,8 @@ ATTACHED = 3.0  # mm from the skin, at the template's size: a piece that near ha
 
 def keep(
     template: Rig, faces: Faces, solved: Differences, sewn: np.ndarray, contacts: Mapping[str, np.ndarray]
-) -> np.ndarray:
-    """The changed shapes (N, V, 3), with what holds in the template's mended.
+) -> tuple[np.ndarray, float]:
+    """The changed shapes (N, V, 3), with what holds in the template's mended, and the largest residual of the solves.
 
     Parameters
     ----------
@@ -45,15 +45,18 @@ def keep(
     pairs = np.unique(np.sort(pairs[pairs[:, 0] != pairs[:, 1]], axis=1), axis=0)
     globes = _globes(faces, template.regions.get("eyes", np.zeros(0, np.int64)))
     patch = make_patch(faces.rest, pairs, solved.stiffness, PATCH * faces.unit) if len(pairs) else None
+    residual = 0.0 if patch is None else patch.residual
     drivers = [drivers_of(template, name) for name in template.names]
     for i in sorted(range(len(drivers)), key=lambda i: len(drivers[i])):
         wanted, meets = _wanted(faces, deltas, pairs, i, drivers[i])
         deltas[i] = _clear(faces, deltas[i], i, globes, pairs[meets])
-        deltas[i] = deltas[i] if patch is None else close(patch, deltas[i], wanted, meets, motion[i])
-    _hang(faces, solved, deltas, fade)
+        if patch is not None:
+            deltas[i], off = close(patch, deltas[i], wanted, meets, motion[i])
+            residual = max(residual, off)
+    residual = max(residual, _hang(faces, solved, deltas, fade))
     for body in solid_motions(faces.template, faces.deltas, faces.pieces[1:]):
         deltas[body.shape, body.vertices] = carried(body, faces.template, faces.rest, solved.areas)
-    return deltas
+    return deltas, residual
 
 
 def _wanted(faces: Faces, deltas, pairs, shape: int, drivers) -> tuple[np.ndarray, np.ndarray]:
@@ -85,16 +88,19 @@ def _clear(faces: Faces, delta: np.ndarray, shape: int, globes, meeting: np.ndar
     return delta + shared_push(push, meeting) * faces.deltas[shape].any(1)[:, None]
 
 
-def _hang(faces: Faces, solved: Differences, deltas: np.ndarray, fade: np.ndarray) -> None:
-    """Pieces near the skin follow what was done to it (in place)."""
+def _hang(faces: Faces, solved: Differences, deltas: np.ndarray, fade: np.ndarray) -> float:
+    """Pieces near the skin follow what was done to it (in place); the largest relative residual of their solves."""
     skin, *others = faces.pieces
+    residual = 0.0
     if not others:
-        return
+        return residual
     tree = KDTree(faces.template[skin])
     field = deltas - faces.deltas
     for piece in others:
         distance, nearest = tree.query(faces.template[piece], distance_upper_bound=ATTACHED * faces.unit)
         near = np.isfinite(distance)
         if near.any():
-            hang(solved, field, piece, np.where(near, skin[np.where(near, nearest, 0)], -1))
+            off = hang(solved, field, piece, np.where(near, skin[np.where(near, nearest, 0)], -1))
+            residual = max(residual, off)
             deltas[:, piece] = faces.deltas[:, piece] + fade[:, piece] * field[:, piece]
+    return residual

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from blendcap.data import InputError
+from blendcap.data.checks import ANY, array
 
 
 @dataclass(frozen=True)
@@ -42,6 +45,32 @@ class Schedule:
     cosine: float = 0.5
     reach: float = 0.05
     triangles: bool = True
+
+    def __post_init__(self) -> None:
+        for name in ("stiffness", "landmarks"):
+            levels = array(getattr(self, name), (ANY,), f"The {name} of a schedule", finite=True)
+            object.__setattr__(self, name, tuple(levels.tolist()))
+        if not self.stiffness or len(self.stiffness) != len(self.landmarks):
+            raise InputError(
+                f"A schedule has {len(self.stiffness)} levels of stiffness and {len(self.landmarks)} of landmarks; "
+                "give one of each for every level, and at least one level."
+            )
+        _within("stiffness", self.stiffness, 1e-12, np.inf)
+        _within("landmarks", self.landmarks, 0, np.inf)
+        _within("steps", (self.steps,), 1, np.inf, whole=True)
+        _within("memory", (self.memory,), 0, np.inf, whole=True)
+        _within("tolerance", (self.tolerance,), 1e-15, 1)
+        _within("reach", (self.reach,), 1e-12, np.inf)
+        _within("cosine", (self.cosine,), -1, 1)
+
+
+def _within(name: str, values: tuple, least: float, most: float, *, whole: bool = False) -> None:
+    kinds = (int, np.integer) if whole else (int, float, np.number)
+    for value in values:
+        if isinstance(value, bool) or not isinstance(value, kinds) or not least <= value <= most:
+            limits = f"at least {least:g}" if most == np.inf else f"within {least:g} and {most:g}"
+            number = "a whole number" if whole else "a number"
+            raise InputError(f"The {name} of a schedule must be {number}, {limits}, but is {value!r}.")
 
 
 SCHEDULES = {

@@ -10,7 +10,7 @@ from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
-from blendcap.data import Mesh, Rig
+from blendcap.data import InputError, Mesh, Rig
 from blendcap.modeling.contacts import find_contacts, gaps
 from blendcap.numerics.geodesic import sewn_vertices
 from blendcap.numerics.similarity import align, apply
@@ -64,6 +64,8 @@ class Skin:
 def find_skin(template: Mesh | Rig) -> Skin:
     """The largest connected part of a template, and what of it is visible from outside."""
     mesh = template.mesh if isinstance(template, Rig) else template
+    if not len(mesh.faces):
+        raise InputError("The template has no triangles; give a surface, not points.")
     sewn = _sewn(template)
     faces = sewn[mesh.faces]
     part = parts(faces, len(sewn))

@@ -9,7 +9,7 @@ import numpy as np
 
 from blendcap.data import InputError, Mesh, Rig
 from blendcap.modeling.contacts import find_contacts
-from blendcap.modeling.differences import Faces, differences
+from blendcap.modeling.differences import Faces, costs, differences
 from blendcap.modeling.keeping import keep
 from blendcap.modeling.parts import pieces
 from blendcap.numerics.geodesic import sewn_vertices
@@ -28,9 +28,10 @@ class Transfer:
     scale : float
         Size of the new neutral against the template's.
     energies : (N,) float64
-        What Eq. 24 costs at each shape before contact is mended, mm²: squared differences of gradients times area.
+        What Eq. 24 costs at each shape of the rig: squared differences of gradients, times the triangle's area (mm²)
+        with "contact".
     residual : float
-        Largest relative residual of the linear solves.
+        Largest relative residual of the linear solves, those that mend contact included.
     """
 
     rig: Rig
@@ -54,9 +55,10 @@ def transfer(template: Rig, mesh: Mesh, *, method: Method = "contact") -> Transf
         The neutral face: the template's vertices and triangles, other positions, mm.
     method : "contact" or "paper"
         "paper" is deformation transfer as in the thesis (Eq. 18 to 25, Sumner and Popovic 2004): nothing but the
-        gradients of each shape. "contact" keeps besides what must not change: pairs that meet in the template
-        (`Rig.contacts`, found where the template has none) meet in the result, what a shape does not move stays put,
-        eyeballs and teeth move as solid bodies, and lashes hang on their lids.
+        gradients of each shape, every triangle counted alike. "contact" counts a triangle by its area and keeps besides
+        what must not change: pairs that meet in the template (`Rig.contacts`, found where the template has none) meet
+        in the result, what a shape does not move stays put, eyeballs and teeth move as solid bodies, and lashes hang
+        on their lids.
 
     Returns
     -------
@@ -66,23 +68,25 @@ def transfer(template: Rig, mesh: Mesh, *, method: Method = "contact") -> Transf
     Raises
     ------
     InputError
-        If the face has other vertices or triangles than the template.
+        If the face has other vertices or triangles than the template, or the template has no shape that moves.
     """
     if method not in ("contact", "paper"):
         raise InputError(f"There is no transfer method {method!r}; choose contact or paper.")
     _check(template, mesh)
     sewn = sewn_vertices(template.mesh.vertices, template.deltas)
     faces = _aligned(template, mesh, sewn[mesh.faces])
-    solved = differences(faces)
     contacts = dict(template.contacts)
     if method == "paper":
-        deltas = faces.deltas + solved.field
+        weights = np.ones(len(faces.faces))
+        solved = differences(faces, weights)
+        deltas, residual = faces.deltas + solved.field, solved.residual
     else:
-        contacts = contacts or find_contacts(template)
-        deltas = keep(template, faces, solved, sewn, contacts)
+        weights, contacts = None, contacts or find_contacts(template)
+        solved = differences(faces)
+        deltas, residual = keep(template, faces, solved, sewn, contacts)
     deltas = deltas[:, sewn].astype(np.float32)
     rig = replace(template, mesh=_dressed(mesh, template.mesh), deltas=deltas, contacts=contacts)
-    return Transfer(rig, faces.unit, solved.energies, solved.residual)
+    return Transfer(rig, faces.unit, costs(faces, rig.deltas, weights), max(residual, solved.residual))
 
 
 def _check(template: Rig, mesh: Mesh) -> None:
@@ -97,6 +101,8 @@ def _check(template: Rig, mesh: Mesh) -> None:
             f"The face has as many vertices as the template {template.name!r}, but other triangles; "
             "register the template to the face first."
         )
+    if not template.deltas.any():
+        raise InputError(f"The template {template.name!r} has no shape that moves a vertex; there is nothing to carry.")
 
 
 def _aligned(template: Rig, mesh: Mesh, faces: np.ndarray) -> Faces:
