@@ -45,6 +45,6 @@ def test_face_mesh_finds_faces_and_features(judge, data, kind):
     points = judge.judged([frame.picture for frame in frames])
     found = judge.report(frames, judge.errors(frames, points))
     assert found["frontal found"] >= 99 and found["turned found"] >= 95
-    assert found["comparable"] < 4.0
+    assert found["comparable, all"] < 3.3
     moved = judge.errors(frames, points + 10)  # the measure does see ten pixels
     assert judge.report(frames, moved)["comparable"] > found["comparable"] + 1
