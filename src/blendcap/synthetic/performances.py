@@ -22,10 +22,13 @@ VISEMES: tuple[tuple[str, Mapping[str, float]], ...] = (
     ("sh", {"jawOpen": 0.08, "mouthFunnel": 0.40, "mouthShrugUpper": 0.20, "mouthUpperUp*": 0.18, "jawForward": 0.12}),
 )
 CLOSURES: tuple[tuple[str, Mapping[str, float]], ...] = (
-    ("m", {"mouthPress*": 0.35, "mouthRollLower": 0.22, "mouthRollUpper": 0.15}),
+    ("p b m", {"mouthPress*": 0.35}),
     ("f", {"mouthRollLower": 0.35, "mouthUpperUp*": 0.15, "jawOpen": 0.05}),
     ("t", {"mouthShrugUpper": 0.12, "mouthStretch*": 0.08, "jawOpen": 0.06}),
 )
+PARTING = ("mouthLowerDown", "mouthUpperUp", "mouthFunnel", "mouthStretch", "mouthShrug", "mouthRoll", "mouthDimple",
+           "tongueOut")  # what keeps lips from meeting  # fmt: skip
+SHUT_JAW = 0.6  # how far the jaw closes for p, b and m; the lips do the rest
 NEEDS = {"mouthClose": ("jawOpen",), "tongueOut": ("jawOpen",)}  # make sense only together with these
 SYLLABLE = 0.21  # seconds
 RAMP, HOLD = 0.22, 0.10  # seconds: how the range of motion rises and rests
@@ -54,8 +57,8 @@ def speech(rig: Rig, rate: float = 60.0, seconds: float = 10.0, seed: int = 0) -
     close in 0.10 to 0.15 s and open slower, and one side that is always a little stronger than the other.
     """
     rng = np.random.default_rng(seed)
-    cues = _talk(seconds, rng) + steady(seconds, rng)
-    played = play(cues, ARKIT52, rate, seconds)
+    talk, closures = _talk(seconds, rng)
+    played = _shut(play(talk + steady(seconds, rng), ARKIT52, rate, seconds), closures)
     return for_rig(Animation(uneven(played, rng), ARKIT52, rate), rig)
 
 
@@ -163,16 +166,39 @@ def _ease(x: np.ndarray) -> np.ndarray:
     return np.minimum(x**3 * (10 - 15 * x + 6 * x**2), 1)
 
 
-def _talk(seconds: float, rng: np.random.Generator) -> list[tuple]:
-    cues, now = [], rng.uniform(0.2, 0.5)
+def _shut(played: Animation, closures: Sequence[tuple[float, float]]) -> Animation:
+    """The animation with lips that meet for p, b and m, each (start, length) in seconds.
+
+    mouthClose undoes with the lips what the jaw still opens, and all that parts the lips gives way.
+    """
+    times = np.arange(len(played.weights)) / played.rate
+    shut = np.zeros(len(times))
+    for start, length in closures:
+        ramp = 0.36 * length
+        shut = np.maximum(shut, _ease((times - start) / ramp) * _ease((start + length - times) / ramp))
+    weights = played.weights.copy()
+    parting = [i for i, name in enumerate(played.names) if name.startswith(PARTING)]
+    weights[:, parting] *= 1 - shut[:, None]
+    jaw, close = (played.names.index(name) for name in ("jawOpen", "mouthClose"))
+    weights[:, jaw] *= 1 - SHUT_JAW * shut
+    weights[:, close] = np.maximum(weights[:, close], shut * weights[:, jaw])
+    return replace(played, weights=weights)
+
+
+def _talk(seconds: float, rng: np.random.Generator) -> tuple[list[tuple], list[tuple[float, float]]]:
+    """Cues of talk, and when (start, length in seconds) lips meet."""
+    cues, closures, now = [], [], rng.uniform(0.2, 0.5)
     while now < seconds - 0.5:
         begin = now
         for syllable in range(rng.integers(4, 11)):
             length = SYLLABLE * rng.uniform(0.75, 1.35)
             stressed = syllable % int(rng.integers(2, 5)) == 0
             strength = rng.uniform(0.8, 1.15) if stressed else rng.uniform(0.45, 0.75)
-            cues += _sound(CLOSURES, now - 0.35 * length, 0.75 * length, 1.0, rng)
-            cues += _sound(VISEMES, now, 1.45 * length, strength, rng)
+            consonant = CLOSURES[rng.integers(len(CLOSURES))]
+            cues += _sound(consonant[1], now - 0.35 * length, 0.75 * length, 1.0)
+            if consonant is CLOSURES[0]:
+                closures.append((now - 0.35 * length, 0.75 * length))
+            cues += _sound(VISEMES[rng.integers(len(VISEMES))][1], now, 1.45 * length, strength)
             if stressed and rng.random() < 0.35:
                 cues += _accent(now, rng)
             now += length
@@ -181,11 +207,10 @@ def _talk(seconds: float, rng: np.random.Generator) -> list[tuple]:
             for name, share in (("mouthSmile", 1.0), ("cheekSquint", 0.5), ("eyeSquint", 0.3)):
                 cues += both(f"{name}*", begin, now + 0.5, share * rng.uniform(0.2, 0.45), *ramps)
         now += rng.uniform(0.35, 0.9)
-    return cues
+    return cues, closures
 
 
-def _sound(table, start: float, length: float, strength: float, rng: np.random.Generator) -> list[tuple]:
-    mouth = table[rng.integers(len(table))][1]
+def _sound(mouth: Mapping[str, float], start: float, length: float, strength: float) -> list[tuple]:
     ramp = 0.48 * length
     return [
         cue for name, level in mouth.items() for cue in both(name, start, start + length, strength * level, ramp, ramp)
