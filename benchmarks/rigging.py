@@ -109,11 +109,26 @@ def judge(rig: Rig, true: Rig, weights, truth, skin) -> tuple[float, float, floa
 
 def report_examples(shapes: int = 52) -> None:
     template = mannequin(shapes=shapes)
-    lines = ["| identity | | unseen, asked weights | unseen, best weights | shapes |", "|---|---|---|---|---|"]
+    tables = [table_of_examples(template, shapes, strength) for strength in (1.0, 0.0)]
+    note = (
+        f"Ten mannequin performers ({shapes} shapes that depend on the person); the rig is transferred from the plain "
+        "mannequin to their neutral. At strength 1 they have personal gains and correctives besides: smooth fields, "
+        "much like those that the default looks for, which is at home there. At strength 0 they have their own shapes "
+        "and nothing else: what is to be learned is what transfer gets wrong. 20 examples of three shapes "
+        f"(both sides) each, with {SMOOTH} mm of smooth and {ROUGH} mm of rough registration error; given weights are "
+        f"off by {WEIGHT_NOISE}. 30 unseen expressions of four shapes. Mean distance over the moving skin, mm, and in "
+        "brackets its ratio to transfer alone."
+    )
+    write_section("Examples that refine a rig", "python benchmarks/rigging.py examples", "\n\n".join([note, *tables]))
+
+
+def table_of_examples(template: Rig, shapes: int, strength: float) -> str:
+    lines = [f"Strength {strength:g}:", "", "| identity | | unseen, asked weights | unseen, best weights | shapes |",
+             "|---|---|---|---|---|"]  # fmt: skip
     ratios: dict[str, list[np.ndarray]] = {}
     for seed in PEOPLE:
         rng = np.random.default_rng(seed)
-        person = make_performer(mannequin(seed, shapes=shapes), seed=seed)
+        person = make_performer(mannequin(seed, shapes=shapes), seed=seed, strength=strength)
         start = transfer(template, person.rig.mesh).rig
         asked, unseen = poses(start, rng, 20, 3), poses(start, rng, 30, 4) * rng.uniform(0.4, 1, (30, 1))
         scans = person.pose(asked) + smooth_errors(start.mesh.vertices, rng, 20)
@@ -140,16 +155,7 @@ def report_examples(shapes: int = 52) -> None:
         mean, worst = np.mean(rows, axis=0), np.max(rows, axis=0)
         lines.append(f"| all | {name}: mean (worst) ratio | "
                      + " | ".join(f"{m:.2f} ({w:.2f})" for m, w in zip(mean, worst, strict=True)) + " |")  # fmt: skip
-    note = (
-        f"Ten mannequin performers ({shapes} shapes that depend on the person, personal gains and correctives of "
-        "strength 1); the rig is transferred from the plain mannequin to their neutral. 20 examples of three shapes "
-        f"(both sides) each, with {SMOOTH} mm of smooth and {ROUGH} mm of rough registration error; given weights are "
-        f"off by {WEIGHT_NOISE}. 30 unseen expressions of four shapes. Mean distance over the moving skin, mm, and in "
-        "brackets its ratio to transfer alone."
-    )
-    write_section(
-        "Examples that refine a rig", "python benchmarks/rigging.py examples", f"{note}\n\n" + "\n".join(lines)
-    )
+    return "\n".join(lines)
 
 
 def report_speed() -> None:

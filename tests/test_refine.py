@@ -4,12 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import multivariate_normal
 
 from blendcap import InputError, Mesh, Rig, mannequin, refine_rig
 from blendcap.modeling.contacts import gaps
 from blendcap.modeling.examples import refine
 from blendcap.modeling.facial_rigging import local_shapes, make_surface, shapes_from_examples
-from blendcap.modeling.fields import ROUGH, SMOOTH, FieldProblem, _gain_precision, fit_fields
+from blendcap.modeling.fields import ROUGH, SCALES, SMOOTH, FieldProblem, _gain_precision, _System, fit_fields
 from sheet import sheet_rig
 
 METHODS = ("fields", "paper")
@@ -88,7 +89,7 @@ def test_fields_meet_the_dense_optimality_conditions():
     samples, count, kinds, poses = 6, 3, 2, 4
     problem = FieldProblem(rng.normal(size=(samples, count, 3)), rng.normal(size=(samples, kinds)), np.array([1, 0, 2]))
     moved, weights = rng.normal(size=(samples, poses, 3)), rng.random((poses, count))
-    found = fit_fields(problem, moved, weights)
+    found = fit_fields(problem, moved, weights, scales=(1.0,))
     functions = np.column_stack([np.ones(samples), problem.waves])
     columns = np.einsum("jn,snc,sk->sjcnk", weights, problem.deltas, functions).reshape(samples * poses * 3, -1)
     noise = module.ROUGH**2 * np.eye(samples) + module.SMOOTH**2 * problem.waves @ problem.waves.T
@@ -105,7 +106,8 @@ def test_fields_meet_the_dense_optimality_conditions():
     assert found.residual < 1e-9
 
 
-def test_gains_for_any_weights_near_the_given_ones_are_those_of_the_dense_joint_system():
+@pytest.mark.parametrize("scale", [0.25, 1.0])
+def test_gains_for_any_weights_near_the_given_ones_are_those_of_the_dense_joint_system(scale):
     """Gains and errors of the weights as unknowns of one dense least-squares problem; and a shape keeps its gain though
     a stronger one was played more than asked for."""
     rng = np.random.default_rng(5)
@@ -115,7 +117,7 @@ def test_gains_for_any_weights_near_the_given_ones_are_those_of_the_dense_joint_
     off = np.zeros_like(weights)
     off[:, 3] = 0.08 * (weights[:, 3] > 0)
     moved = np.einsum("snc,jn->sjc", deltas, weights + off)
-    gains = fit_fields(problem, moved, weights, error).gains
+    gains = fit_fields(problem, moved, weights, error, scales=(scale,)).gains
     noise = SMOOTH**2 * waves @ waves.T + ROUGH**2 * np.eye(30)
     root = np.linalg.cholesky(np.linalg.inv(noise)).T
     functions = np.column_stack([np.ones(30), waves])
@@ -129,11 +131,37 @@ def test_gains_for_any_weights_near_the_given_ones_are_those_of_the_dense_joint_
         flat = np.tensordot(root, columns, 1).reshape(90, -1)
         missing = np.tensordot(root, moved[:, j] - np.einsum("snc,n->sc", deltas, row), 1).ravel()
         gram, right = gram + flat.T @ flat, right + flat.T @ missing
-    gram[:16, :16] += _gain_precision(problem)
+    gram[:16, :16] += _gain_precision(problem) / scale**2
     gram[16:, 16:] += np.eye(len(used)) / error**2
     np.testing.assert_allclose(gains.ravel(), np.linalg.solve(gram, right)[:16], rtol=1e-7, atol=1e-10)
-    fooled = fit_fields(problem, moved, weights).gains
+    fooled = fit_fields(problem, moved, weights, scales=(scale,)).gains
     assert np.abs(gains[:3]).max() < 0.5 * np.abs(fooled[:3]).max()
+
+
+def test_the_chosen_scale_makes_the_examples_most_probable():
+    """The probability by the examples' dense covariance: weight errors, gains and noise, as one Gaussian."""
+    rng = np.random.default_rng(2)
+    samples, count, poses, error = 12, 3, 5, 0.1
+    problem = FieldProblem(9 * rng.normal(size=(samples, count, 3)), rng.normal(size=(samples, 2)), np.array([1, 0, 2]))
+    weights = rng.uniform(0.3, 1, (poses, count))
+    functions = np.column_stack([np.ones(samples), problem.waves])
+    columns = np.einsum("jn,snc,sk->sjcnk", weights, problem.deltas, functions).reshape(samples * poses * 3, -1)
+    errors = np.einsum("snc,ij->sjcin", problem.deltas, np.eye(poses)).reshape(samples * poses * 3, -1)
+    noise = np.kron(ROUGH**2 * np.eye(samples) + SMOOTH**2 * problem.waves @ problem.waves.T, np.eye(poses * 3))
+    fixed, prior = noise + error**2 * errors @ errors.T, np.linalg.inv(_gain_precision(problem))
+    for drawn in (0.0, 1.0):
+        own = columns @ np.linalg.cholesky(drawn**2 * prior + 1e-9 * np.eye(len(prior))) @ rng.normal(size=len(prior))
+        off = own + np.linalg.cholesky(fixed) @ rng.normal(size=len(fixed))
+        probable = {s: multivariate_normal.logpdf(off, cov=fixed + s**2 * columns @ prior @ columns.T) for s in SCALES}
+        moved = off.reshape(samples, poses, 3) + np.einsum("jn,snc->sjc", weights, problem.deltas)
+        missing = off.reshape(samples, poses, 3)
+        system = _System(problem, problem.deltas, functions, missing, weights, _gain_precision(problem))
+        system.free_weights(weights, error)
+        found = np.array([system.evidence(s) for s in SCALES])
+        dense = np.array(list(probable.values()))
+        np.testing.assert_allclose(found - found[0], dense - dense[0], atol=1e-6)
+        assert fit_fields(problem, moved, weights, error).scale == SCALES[dense.argmax()]
+        assert (dense.argmax() >= 2) == (drawn == 1)
 
 
 def test_a_personal_gain_is_learned_and_helps_on_expressions_never_seen():

@@ -30,7 +30,7 @@ from blendcap.numerics.geodesic import sewn_vertices
 Method = Literal["fields", "paper"]
 
 ROUNDS = 2  # shapes, weights, shapes
-LOCAL = 0.5  # β of Eq. 28 around the fields: what a triangle alone may deviate
+LOCAL = 0.1  # β of Eq. 28 around the fields: what a triangle alone may deviate
 MOVES = 0.5  # mm: what a shape must move to be learned from
 
 
@@ -149,7 +149,7 @@ def _with_fields(rig: Rig, moved: np.ndarray, given: np.ndarray, error: float) -
     costs.append(fields.energies)
     for _ in range(ROUNDS - 1):
         weights, kkt = _weights(problem, fields.applied(shapes, problem.waves), seen, given, rig.bounds)
-        fields = fit_fields(problem, seen, weights)
+        fields = fit_fields(problem, seen, weights, scales=(fields.scale,))
         max_kkt = max(max_kkt, kkt)
         costs.append(fields.energies)
     change, local = _local(rig, moving, fields.applied, waves, moved, weights)

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
 SAMPLES = 1000  # vertices of the moving face that are looked at, evenly spread
 WAVES = 16  # smooth functions that span a field
@@ -16,7 +17,8 @@ SHAPE_GAIN = 0.1  # standard deviation of the gain of a whole shape
 SIDES_ALIKE = 0.8  # correlation of the gains of a left and a right shape
 COMMON_GAIN = 0.05  # of the gain field that all shapes of a person share
 OWN_GAIN = 0.05  # and of each shape's own
-BEND = 0.15  # of a motion's length: its change in any direction, a field of each shape
+BEND = 0.075  # of a motion's length: its change in any direction, a field of each shape
+SCALES = (0.125, 0.25, 0.5, 1.0)  # of these deviations: from someone very like the rig to someone quite unlike it
 ROUGH = 1.0  # mm: what examples have that no field explains, at each sample on its own
 SMOOTH = 0.6  # mm: and what is smooth over the face: registration, correctives that the rig lacks
 WEIGHT_ERROR = 0.1  # standard deviation of the given weights
@@ -61,6 +63,8 @@ class Fields:
         Of each shape: its gain less 1 as a whole, and along the smooth functions.
     bends : (N, K, 3) float64
         Of each shape: change in any direction along the smooth functions, as a part of the motion's length.
+    scale : float
+        How unlike the rig the person is: of the scales, the one that makes the examples most probable.
     energies : {term: float}
         `fit`, `gains` and `bends`: what the examples and the priors cost, squared standard deviations.
     residual : float
@@ -69,6 +73,7 @@ class Fields:
 
     gains: np.ndarray
     bends: np.ndarray
+    scale: float
     energies: dict[str, float]
     residual: float
 
@@ -103,28 +108,32 @@ def smooth_functions(points: np.ndarray):
     return lambda places: covariance(places) @ scaled
 
 
-def fit_fields(problem: FieldProblem, moved: np.ndarray, weights: np.ndarray, error: float = 0.0) -> Fields:
+def fit_fields(
+    problem: FieldProblem, moved: np.ndarray, weights: np.ndarray, error: float = 0.0, scales: Sequence[float] = SCALES
+) -> Fields:
     """The most probable fields for examples (S, J, 3), mm from rest, under their weights (J, N).
 
     First the gains, then what is left as bends; each is one linear system. Where the weights have an `error` (standard
     deviation), gains are found for any weights near the given ones: a jaw that was opened a little more than asked for
-    is no gain of the shapes that were shown together with it.
+    is no gain of the shapes that were shown together with it. The deviation of the gains is scaled as the examples make
+    most probable, that of the bends with its square: who has the rig's gains has its directions all the more.
     """
     missing = _missing(moved, problem.deltas, weights)
     functions = np.column_stack([np.ones(len(problem.waves)), problem.waves])
     system = _System(problem, problem.deltas, functions, missing, weights, _gain_precision(problem))
     corrected = system.free_weights(weights, error) if error else None
-    gains, cost, first = system.solve()
+    scale = max(scales, key=system.evidence)
+    gains, cost, first = system.solve(scale)
     weights = weights if corrected is None else weights + corrected(gains)
-    fields = Fields(gains[..., 0], np.zeros((len(gains), problem.waves.shape[1], 3)), {}, first)
+    fields = Fields(gains[..., 0], np.zeros((len(gains), problem.waves.shape[1], 3)), scale, {}, first)
     missing = _missing(moved, fields.applied(problem.deltas, problem.waves), weights)
     length = np.linalg.norm(problem.deltas, axis=2, keepdims=True)
     precision = np.eye(weights.shape[1] * problem.waves.shape[1]) / BEND**2
-    bends, more, second = _System(problem, length, problem.waves, missing, weights, precision).solve()
-    fields = Fields(gains[..., 0], bends, {}, max(first, second))
+    bends, more, second = _System(problem, length, problem.waves, missing, weights, precision).solve(scale**2)
+    fields = replace(fields, bends=bends, residual=max(first, second))
     left = _missing(moved, fields.applied(problem.deltas, problem.waves), weights)
     fit = float(np.vdot(left, problem.whitened(left)))
-    return Fields(gains[..., 0], bends, {"fit": fit, "gains": cost, "bends": more}, max(first, second))
+    return replace(fields, energies={"fit": fit, "gains": cost, "bends": more})
 
 
 def _missing(moved: np.ndarray, shapes: np.ndarray, weights: np.ndarray) -> np.ndarray:
@@ -162,7 +171,6 @@ class _System:
         self.missing = missing.transpose(0, 2, 1).reshape(samples * axes, -1)  # axes in rows, or poses by axes
         self.matrix = np.repeat(np.repeat(weights.T @ weights, self.kinds, axis=0), self.kinds, axis=1)
         self.matrix *= self.columns.T @ columns.reshape(samples * axes, -1)
-        self.matrix += precision
         seen = (self.columns.T @ self.missing).reshape(self.count, self.kinds, 3 // axes, len(weights))
         self.right = np.einsum("nkcj,jn->nkc", seen, weights).reshape(self.count * self.kinds, -1)
 
@@ -189,9 +197,18 @@ class _System:
 
         return off
 
-    def solve(self) -> tuple[np.ndarray, float, float]:
+    def evidence(self, scale: float) -> float:
+        """The logarithm of the examples' probability with the prior's deviations scaled, but for a constant."""
+        lower = np.linalg.cholesky(self.matrix + self.precision / scale**2)
+        explained = solve_triangular(lower, self.right, lower=True)
+        volume = np.log(scale * np.diag(lower)).sum()
+        return 0.5 * float(np.vdot(explained, explained)) - self.right.shape[1] * float(volume)
+
+    def solve(self, scale: float) -> tuple[np.ndarray, float, float]:
         """The coefficients, what their prior costs, and the relative residual."""
-        answer = cho_solve(cho_factor(self.matrix, lower=True), self.right)
-        missed = np.abs(self.matrix @ answer - self.right).max() / max(float(np.abs(self.right).max()), 1e-300)
-        cost = float(np.vdot(answer, self.precision @ answer))
+        precision = self.precision / scale**2
+        matrix = self.matrix + precision
+        answer = cho_solve(cho_factor(matrix, lower=True), self.right)
+        missed = np.abs(matrix @ answer - self.right).max() / max(float(np.abs(self.right).max()), 1e-300)
+        cost = float(np.vdot(answer, precision @ answer))
         return answer.reshape(self.count, self.kinds, -1), cost, float(missed)
