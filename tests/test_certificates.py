@@ -99,6 +99,16 @@ def test_the_papers_energies_are_those_of_the_returned_shapes_and_weights():
     assert made.energies["regularization"][-1] == pytest.approx(facial_rigging.BETA[1] * regular, rel=1e-4)
 
 
+@pytest.mark.parametrize("method", ["fields", "paper"])
+def test_the_errors_of_the_examples_are_those_of_the_returned_rig(method):
+    meshes, weights = some_examples()
+    made = refine(RIG, meshes, weights, method=method)
+    for mesh, error, row, asked in zip(meshes, made.errors, made.weights, weights, strict=True):
+        away, before = (np.linalg.norm(r.pose(w) - mesh.vertices, axis=1) for r, w in ((made.rig, row), (RIG, asked)))
+        assert error == pytest.approx(np.sqrt((away**2).mean()), rel=1e-6)
+        assert error <= 0.6 * np.sqrt((before**2).mean())
+
+
 def test_what_a_shape_deforms_may_change_and_the_rest_is_held():
     """w of Eq. 28: ((1 + 0) / 0.1)² where a shape does nothing, 1 where it does much, falling between."""
     sizes = np.linspace(0, 50, 100)

@@ -106,6 +106,24 @@ def test_fields_meet_the_dense_optimality_conditions():
     assert found.residual < 1e-9
 
 
+def test_bends_meet_the_dense_optimality_conditions_under_the_square_of_the_scale():
+    from blendcap.modeling import fields as module
+
+    rng, scale = np.random.default_rng(4), 0.5
+    problem = FieldProblem(9 * rng.normal(size=(6, 3, 3)), rng.normal(size=(6, 2)), np.array([1, 0, 2]))
+    moved, weights = rng.normal(size=(6, 4, 3)), rng.random((4, 3))
+    found = fit_fields(problem, moved, weights, scales=(scale,))
+    gained = replace(found, bends=0 * found.bends).applied(problem.deltas, problem.waves)
+    length = np.linalg.norm(problem.deltas, axis=2)
+    columns = np.einsum("jn,sn,sk->sjnk", weights, length, problem.waves).reshape(24, -1)
+    noise = np.kron(np.linalg.inv(ROUGH**2 * np.eye(6) + SMOOTH**2 * problem.waves @ problem.waves.T), np.eye(4))
+    system = columns.T @ noise @ columns + np.eye(6) / (module.BEND * scale**2) ** 2
+    missing = (moved - np.einsum("jn,snc->sjc", weights, gained)).reshape(24, 3)
+    bends = np.linalg.solve(system, columns.T @ noise @ missing).reshape(3, 2, 3)
+    np.testing.assert_allclose(found.bends, bends, atol=1e-10)
+    assert np.abs(bends).max() > 1e-4
+
+
 @pytest.mark.parametrize("scale", [0.25, 1.0])
 def test_gains_for_any_weights_near_the_given_ones_are_those_of_the_dense_joint_system(scale):
     """Gains and errors of the weights as unknowns of one dense least-squares problem; and a shape keeps its gain though

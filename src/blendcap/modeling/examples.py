@@ -43,8 +43,10 @@ class Refinement:
     rig : Rig
     weights : (J, N) float64
         Of the examples: as given or solved first, and then refined with the shapes.
+    errors : (J,) float64
+        What the rig lacks of each example under these weights, mm, root mean square over the vertices.
     energies : {term: (R,) float64}
-        What each term costs after each round.
+        What each term costs after each round; those of "fields" are of the fields alone, before details and contact.
     max_kkt : float
         Largest optimality residual of the weights.
     residual : float
@@ -53,6 +55,7 @@ class Refinement:
 
     rig: Rig
     weights: np.ndarray
+    errors: np.ndarray
     energies: dict[str, np.ndarray]
     max_kkt: float
     residual: float
@@ -96,7 +99,9 @@ def refine(
     if method == "paper":
         surface = make_surface(rig.mesh.vertices, rig.mesh.faces)
         made = rig_from_examples(surface, rig.deltas.astype(np.float64), moved, given, rig.bounds)
-        return Refinement(replace(rig, deltas=made.deltas), made.weights, made.energies, made.max_kkt, made.residual)
+        refined = replace(rig, deltas=made.deltas)
+        errors = _errors(refined, moved, made.weights)
+        return Refinement(refined, made.weights, errors, made.energies, made.max_kkt, made.residual)
     return _with_fields(rig, moved, given, error)
 
 
@@ -156,7 +161,13 @@ def _with_fields(rig: Rig, moved: np.ndarray, given: np.ndarray, error: float) -
     energies = {name: np.array([cost[name] for cost in costs]) for name in costs[0]}
     deltas, kept = _kept(rig, change)
     refined = replace(rig, deltas=deltas.astype(np.float32))
-    return Refinement(refined, weights, energies, max_kkt, max(fields.residual, local, kept))
+    residual = max(fields.residual, local, kept)
+    return Refinement(refined, weights, _errors(refined, moved, weights), energies, max_kkt, residual)
+
+
+def _errors(rig: Rig, moved: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Distances (J,) of the rig under weights (J, N) from examples less the neutral (J, V, 3), root mean squares."""
+    return np.sqrt(((np.tensordot(weights, rig.deltas, axes=1) - moved) ** 2).sum(2).mean(1))
 
 
 def _local(rig: Rig, moving: np.ndarray, applied, waves, moved: np.ndarray, weights: np.ndarray):
