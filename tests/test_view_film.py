@@ -69,6 +69,17 @@ def test_preview_has_the_frames_rate_and_size_it_should(rig, animation, tmp_path
     assert np.abs(frames[0][:90].astype(int) - shown[:90]).mean() > 4
 
 
+def test_preview_shows_one_of_so_many_frames(rig, animation, tmp_path):
+    chosen = {"size": (96, 54), "yaws": (0.0,)}
+    write_preview(tmp_path / "all.png", rig, animation, **chosen)
+    assert write_preview(tmp_path / "some.mp4", rig, animation, every=3, **chosen) == 3
+    assert film(tmp_path / "some.mp4")[1] == pytest.approx(8)
+    write_preview(tmp_path / "some.png", rig, animation, every=3, **chosen)
+    for t in range(3):
+        some, whole = (cv2.imread(str(tmp_path / f"{n}.{f:04d}.png")) for n, f in (("some", t), ("all", 3 * t)))
+        np.testing.assert_allclose(some.astype(int), whole, atol=6)  # its words too: they name the animation's frame
+
+
 def test_preview_as_gif_and_as_sequence(rig, animation, tmp_path):
     assert write_preview(tmp_path / "face.gif", rig, animation, size=(96, 54)) == 7
     assert len(film(tmp_path / "face.gif")[0]) == 7

@@ -17,8 +17,6 @@ PREVIEW_RATE, PREVIEW_SIZE = 30.0, (960, 540)
 PLACES_SIZE = (1920, 1080)  # room for the names of the markers
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from blendcap.data import Animation, Binding, MarkerTake, Rig, Solution
 
 
@@ -101,6 +99,7 @@ def solve(
         Print the answer as JSON.
     """
     from blendcap.io import read_animation, read_correspondences, read_markers, read_rig
+    from blendcap.view.concerns import concerns
 
     wanted = ((output, ANIMATIONS), ([preview], VIDEOS), ([report], PAGES), ([picture], PICTURES))
     for paths, endings in (*wanted, ([write_places], PLACES)):
@@ -124,10 +123,13 @@ def solve(
         places=write_places, alone=beside, patches=_shifted(curves, patches_offset),
     )  # fmt: skip
     facts = summary(the_take, solution, progress)
+    doubts = concerns(the_rig, solution, binding)
     if as_json:
-        print_json(facts | {"files": [str(f) for f in files]})
-    else:
-        print_lines({k: v for k, v in facts.items() if k != "rms_mm_per_marker"} | {"wrote": [str(f) for f in files]})
+        print_json(facts | {"look_twice": doubts, "files": [str(f) for f in files]})
+        return
+    print_lines({k: v for k, v in facts.items() if k != "rms_mm_per_marker"} | {"wrote": [str(f) for f in files]})
+    for doubt in doubts:
+        print(f"look twice: {doubt}")
 
 
 def _shifted(curves: Animation | None, offset: float | None) -> Animation | None:
@@ -191,23 +193,16 @@ def write_answers(
 
 def _write_preview(path: Path, rig: Rig, solution: Solution, alone: Solution | None, progress: Progress) -> None:
     """A video with at most 30 frames a second: what an eye needs in half the time."""
-    from blendcap.data import Animation
     from blendcap.view import write_comparison, write_preview
 
     whole = solution.animation
-    step = max(1, round(whole.rate / PREVIEW_RATE))
-    every = slice(None, None, step)
-
-    def thinned(weights: np.ndarray) -> Animation:
-        return Animation(weights[every], whole.names, whole.rate / step, times=whole.times[every])
-
-    part = thinned(whole.weights)
-    targets, fitted = (None if points is None else points[every] for points in (solution.targets, solution.fitted))
-    with progress.step("preview", f"Write {path}", total=len(part.weights)) as tell:
+    every = max(1, round(whole.rate / PREVIEW_RATE))
+    with progress.step("preview", f"Write {path}", total=-(-len(whole.weights) // every)) as tell:
+        chosen = {"size": PREVIEW_SIZE, "every": every, "progress": tell}
         if alone is not None:
-            write_comparison(path, rig, thinned(alone.animation.weights), part, size=PREVIEW_SIZE, progress=tell)
+            write_comparison(path, rig, alone.animation, whole, **chosen)
         else:
-            write_preview(path, rig, part, size=PREVIEW_SIZE, targets=targets, fitted=fitted, progress=tell)
+            write_preview(path, rig, whole, targets=solution.targets, fitted=solution.fitted, **chosen)
 
 
 def summary(take: MarkerTake, solution: Solution, progress: Progress) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from blendcap.io.video_write import write_video
 from blendcap.metrics import evaluate
 from blendcap.view import page
 from blendcap.view.posing import weights_on
-from blendcap.view.preview import picture_frames
+from blendcap.view.preview import one_of, picture_frames
 from blendcap.view.still import still
 from blendcap.view.style import BLUE, GREEN, INK, inline_svg, new_figure, plain, styled, thinned
 
@@ -83,6 +83,7 @@ def write_comparison(
     hybrid: Animation,
     *,
     size: tuple[int, int] = (1280, 720),
+    every: int = 1,
     progress: Callable[[int, int], None] | None = None,
 ) -> int:
     """Write a film: the face of the markers alone to the left, of the hybrid solve to the right.
@@ -91,15 +92,17 @@ def write_comparison(
     ----------
     size : (width, height)
         Pixels, of both together.
+    every : int
+        Show one of so many frames.
     """
     _check(alone, hybrid)
     half = (size[0] // 2, size[1])
     films = [
-        picture_frames(rig, animation, half, (0.0,), title=title, progress=told)
+        picture_frames(rig, one_of(animation, every), half, (0.0,), title=title, every=every, progress=told)
         for animation, title, told in ((alone, "markers alone", None), (hybrid, "with patches", progress))
     ]
     pictures = (np.hstack(pair) for pair in zip(*films, strict=True))
-    return write_video(path, pictures, hybrid.rate, (2 * half[0], half[1]))
+    return write_video(path, pictures, hybrid.rate / every, (2 * half[0], half[1]))
 
 
 def _check(alone: Animation, hybrid: Animation) -> None:

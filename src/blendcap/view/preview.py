@@ -29,6 +29,7 @@ def write_preview(
     targets: np.ndarray | None = None,
     fitted: np.ndarray | None = None,
     title: str = "",
+    every: int = 1,
     progress: Callable[[int, int], None] | None = None,
 ) -> int:
     """Write a video of the animated rig, seen from several sides, and return the number of frames.
@@ -44,6 +45,8 @@ def write_preview(
     targets, fitted : (T, M, 3), optional
         Markers (red) and their places on the posed rig (blue), mm, in the rig's space.
     title : str
+    every : int
+        Show one of so many frames, at a rate that is as many times lower; the picture names the frame of the animation.
     progress : callable (frames done, frames in all), optional
 
     Raises
@@ -54,14 +57,21 @@ def write_preview(
     for what, points in (("targets", targets), ("fitted", fitted)):
         if points is not None and len(points) != len(animation.weights):
             raise InputError(f"The {what} have {len(points)} frames, but the animation has {len(animation.weights)}.")
-    frames = picture_frames(rig, animation, size, yaws, targets, fitted, title, progress)
-    return write_video(path, frames, animation.rate, size)
+    targets, fitted = (None if points is None else points[::every] for points in (targets, fitted))
+    frames = picture_frames(rig, one_of(animation, every), size, yaws, targets, fitted, title, every, progress)
+    return write_video(path, frames, animation.rate / every, size)
+
+
+def one_of(animation: Animation, every: int) -> Animation:
+    """The weights of one of so many frames, at the rate that is left."""
+    weights, times = animation.weights[::every], animation.times[::every]
+    return Animation(weights, animation.names, animation.rate / every, times=times)
 
 
 def picture_frames(
     rig: Rig, animation: Animation, size: tuple[int, int], yaws: Sequence[float] = VIEWS,
     targets: np.ndarray | None = None, fitted: np.ndarray | None = None, title: str = "",
-    progress: Callable[[int, int], None] | None = None,
+    every: int = 1, progress: Callable[[int, int], None] | None = None,
 ) -> Iterator[np.ndarray]:  # fmt: skip
     """The pictures (H, W, 3) uint8 that `write_preview` writes, one after the other."""
     views, count = side_by_side(rig, size, yaws), len(animation.weights)
@@ -75,7 +85,7 @@ def picture_frames(
         return np.hstack(parts)
 
     for t, picture in enumerate(each_ahead(draw, enumerate(_surfaces(rig, animation)))):
-        _caption(picture, title, f"{t + 1} / {count}    {animation.times[t]:.2f} s")
+        _caption(picture, title, f"frame {t * every}    {animation.times[t]:.2f} s")
         yield picture
         if progress is not None:
             progress(t + 1, count)
