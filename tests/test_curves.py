@@ -162,9 +162,30 @@ def test_curves_close_the_lids_that_no_marker_sees(lids, method):
     assert not set(LIDS) & set(both.unseen)
 
 
+def test_a_curve_that_does_not_count_tells_nothing(lids):
+    settings = {n: SolveSettings(method="paper", influence=n) for n in (0.0, 4.0)}
+    patches = Animation(np.zeros((len(lids.take.positions), 2)), LIDS, lids.take.rate)
+    without, told = (
+        blendcap.solve(lids.rig, lids.take, lids.binding, patches=patches, settings=s) for s in settings.values()
+    )
+    alone = blendcap.solve(lids.rig, lids.take, lids.binding, settings=settings[0.0])
+    assert without.unseen == alone.unseen and set(LIDS) & set(alone.unseen)
+    assert not set(LIDS) & set(told.unseen)
+
+
 def test_a_wrong_curve_shows_as_conflict(lids):
     truth = lids.truth.animation
     jaw = truth.select(("jawOpen",))
     wrong = Animation(np.where(jaw.weights > 0.3, 0.0, 1.0), jaw.names, jaw.rate)
     solution = blendcap.solve(lids.rig, lids.take, lids.binding, patches=wrong)
     assert np.median(solution.conflict[:, SHAPES.index("jawOpen")]) > 0.3
+
+
+def test_the_edge_of_a_gap_pulls_toward_nothing():
+    weights = np.ones((10, 1))
+    weights[4:6] = np.nan
+    curves = Animation(weights, ("a",), 30.0)
+    there = curves_for(("a",), curves, np.arange(19) / 60)
+    said = there.confidence[:, 0] > 0
+    np.testing.assert_allclose(there.targets[said, 0], 1)
+    assert not there.confidence[8:11, 0].any() and 0 < there.confidence[7, 0] < 1

@@ -375,3 +375,13 @@ def test_a_rig_without_room_to_move_is_refused():
     bounds[3] = 0
     with pytest.raises(InputError, match=f"shape '{rig.names[3]}' leave it one value"):
         blendcap.solve(replace(rig, bounds=bounds), None, None)  # pyright: ignore
+
+
+def test_frames_without_any_marker_have_no_confidence(typical):
+    positions = typical.take.positions.copy()
+    positions[60:90] = np.nan
+    take = replace(typical.take, positions=positions)
+    confidence = blendcap.solve(
+        typical.rig, take, typical.binding, settings=SolveSettings(head="keep")
+    ).animation.confidence
+    assert not confidence[60:90].any() and (confidence[:60] > 0).any()

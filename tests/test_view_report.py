@@ -239,6 +239,14 @@ def test_concerns_point_at_what_is_wrong(rig, solution, binding):
     assert "did not reach its optimum" in concerns(rig, failed)[0]
 
 
+def test_patches_that_disagree_and_markers_far_off_are_said(rig, solution):
+    apart = np.zeros_like(solution.animation.weights)
+    apart[: len(apart) // 2, 0] = 0.5
+    said = "\n".join(concerns(rig, replace(solution, conflict=apart, residuals=np.full_like(solution.residuals, 4.0))))
+    assert f"disagree by more than 0.3, in so many of the frames: {rig.names[0]} (50%)" in said
+    assert "The markers lie 4.0 mm off the face" in said and "may not begin neutral" in said
+
+
 def test_a_good_solve_raises_no_concern(rig, solution):
     good = replace(
         solution,

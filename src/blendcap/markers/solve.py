@@ -123,7 +123,7 @@ def solve(
     weights, motion = unknowns[:, : rows.shapes], _helmet_motion(unknowns[:, rows.shapes :], settings.helmet)
     residuals = rows.errors(unknowns)
     animation = Animation(
-        weights, rig.names, take.rate, head=head, confidence=np.tile(_confidence(errors), (len(weights), 1)),
+        weights, rig.names, take.rate, head=head, confidence=_confidence(errors, rows),
         meta={"rig": rig.name},
     )  # fmt: skip
     return Solution(
@@ -268,16 +268,26 @@ def kinship(rig: Rig) -> Kinship:
 
 def _errors(answer: Answer, least: float, kin: Kinship, curves: Curves | None, settings: SolveSettings) -> np.ndarray:
     """(N,) standard error of each weight: as if it alone moved, or, for a shape held, with all others at play."""
-    told = np.zeros(answer.rows.shapes) if curves is None else curves.precision(settings.curve_error)
+    told = np.zeros(answer.rows.shapes) if curves is None else _told(curves, answer.noise, settings)
     rows, noise = answer.rows.weighed(answer.trusted), lasting_noise(answer.noise, least)
     alone = weight_errors(rows, noise, told)
     joint = joint_errors(rows, noise, kin, told, np.ones(rows.shapes, dtype=bool))
     return np.where(answer.held, np.maximum(alone, joint), alone)
 
 
-def _confidence(errors: np.ndarray) -> np.ndarray:
-    """(N,) part of a weight's variance that the markers, and not the prior, decide: 1 is seen, 0 is not."""
-    return 1 / (1 + (errors / START_DEVIATION) ** 2)
+def _told(curves: Curves, noise: float, settings: SolveSettings) -> np.ndarray:
+    """(N,) one over variance of what the curves tell of each weight; γ of Eq. 4 is relative to the markers' noise."""
+    if settings.method != "paper":
+        return curves.precision(settings.curve_error)
+    return curves.precision(1.0) * settings.influence / noise**2
+
+
+def _confidence(errors: np.ndarray, rows: MarkerRows) -> np.ndarray:
+    """(T, N) part of a weight's variance that the markers, and not the prior, decide: 1 is seen, 0 is not.
+
+    The same in all frames, but 0 in those that see no marker at all.
+    """
+    return np.outer(~rows.missing.all(1), 1 / (1 + (errors / START_DEVIATION) ** 2))
 
 
 def _warn(unseen: dict[str, float], held: tuple[str, ...], method: str) -> None:

@@ -17,6 +17,7 @@ CURVE_ERROR = 0.1  # standard deviation of a curve that is fully trusted: 4 mm²
 LINE_SPREAD = np.array([0.1, 0.5])  # standard deviation of a curve's offset and gain, before the markers are heard
 LINE_ROUNDS = 3
 MOST_MEMORY = 10.0  # frames
+TINY = 1e-12
 TOLERANCE = 0.1  # seconds by which curves and take may differ in length before somebody must say how they lie
 
 
@@ -140,9 +141,10 @@ def curves_for(
     for column, shapes in places.items():
         said, sure = np.nan_to_num(curves.weights[:, column]), trust[:, column]
         amount = np.interp(at, own, sure) * inside
+        value = np.interp(at, own, said * sure) / np.maximum(np.interp(at, own, sure), TINY)  # a gap's edge says no 0
         for shape in shapes:
             confidence[:, shape] = amount
-            targets[:, shape] = np.where(amount > 0, np.clip(np.interp(at, own, said), 0, 1), 0.0)
+            targets[:, shape] = np.where(amount > 0, np.clip(value, 0, 1), 0.0)
     return Curves(targets, confidence)
 
 

@@ -14,6 +14,8 @@ ASTRAY = 4.0  # times the usual error, and at least FAR, for a marker to be call
 FAR = 1.0  # mm
 AROUND = 0.5  # seconds over which a marker's error is averaged before it is judged
 MOST = 6  # bad markers to name; the table has them all
+MISFIT = 3.0  # mm, of all markers and frames: more than another's face explains
+APART = 0.3  # of a weight: patches and markers disagree
 TOGETHER = 0.25  # weight above which a shape counts in that
 
 
@@ -24,6 +26,7 @@ def concerns(rig: Rig, solution: Solution, binding: Binding | None = None) -> li
         *_unseen(solution),
         *_bad_markers(solution),
         *_conflicts(rig, solution),
+        *_disagreement(solution),
         *_limits(rig, solution),
     ]
 
@@ -39,6 +42,11 @@ def _trouble_of_the_solve(solution: Solution, binding: Binding | None) -> list[s
         said.append(
             "The places of the markers were found automatically. Check the picture of the markers on the face, "
             "or give correspondences."
+        )
+    if solution.rms_mm > MISFIT:
+        said.append(
+            f"The markers lie {solution.rms_mm:.1f} mm off the face (root mean square): the take may not begin "
+            "neutral, or labels may be exchanged."
         )
     return said
 
@@ -121,6 +129,17 @@ def _conflicts(rig: Rig, solution: Solution) -> list[str]:
             one, two = rig.names[used[i]], rig.names[used[j]]
             said.append(f"{one} and {two} undo each other, but are on together in {share:.0%} of the frames.")
     return said
+
+
+def _disagreement(solution: Solution) -> list[str]:
+    """Shapes of which the makeup patches say something else than the answer."""
+    if solution.conflict is None:
+        return []
+    share = (solution.conflict > APART).mean(0)
+    names = [f"{solution.animation.names[n]} ({share[n]:.0%})" for n in np.argsort(-share) if share[n] > 0.05]
+    if not names:
+        return []
+    return [f"Patches and markers disagree by more than {APART}, in so many of the frames: {', '.join(names)}."]
 
 
 def _limits(rig: Rig, solution: Solution) -> list[str]:
