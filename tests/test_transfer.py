@@ -7,7 +7,7 @@ import pytest
 
 from blendcap import InputError, Mesh, Rig, mannequin, transfer_rig
 from blendcap.modeling.contacts import gaps
-from blendcap.modeling.differences import costs, differences
+from blendcap.modeling.differences import differences
 from blendcap.modeling.globes import find_globes
 from blendcap.modeling.parts import pieces
 from blendcap.modeling.transfer import _aligned, transfer
@@ -83,8 +83,8 @@ def test_transfer_solves_eq_25_in_its_four_vertex_form(counted):
         ours = transfer(rig, Mesh(new, faces), method="paper")
         deltas, cost, area = ours.rig.deltas, ours.energies, np.ones(3)
     else:
-        deltas = pair.deltas + differences(pair).field
-        cost = costs(pair, deltas)
+        found, costs = differences(pair)
+        deltas, cost = pair.deltas + found.field, costs.at(found.field)
 
     def frame(v, f):
         a, b = v[f[1]] - v[f[0]], v[f[2]] - v[f[0]]
@@ -105,6 +105,10 @@ def test_transfer_solves_eq_25_in_its_four_vertex_form(counted):
     answer = np.linalg.lstsq(rows[:, 1:], right, rcond=None)[0]
     np.testing.assert_allclose(new[1:] + deltas[0, 1:], answer[:4], atol=1e-5)
     assert cost[0] == pytest.approx(((rows[:, 1:] @ answer - right) ** 2).sum(), rel=1e-5)
+    elsewhere = deltas - pair.deltas + 0.1 * rng.normal(size=deltas.shape) * (np.arange(5) > 0)[:, None]
+    left = right - rows[:, 1:5] @ (new[1:] + pair.deltas[0, 1:] + elsewhere[0, 1:])
+    left -= rows[:, 5:] @ np.linalg.lstsq(rows[:, 5:], left, rcond=None)[0]
+    assert differences(pair, area)[1].at(elsewhere)[0] == pytest.approx((left**2).sum(), rel=1e-6)
 
 
 def test_lids_close_and_lips_meet_where_plain_transfer_leaves_gaps(people):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -66,18 +65,41 @@ class Differences:
     residual: float
 
 
-def differences(faces: Faces, weights: np.ndarray | None = None) -> Differences:
+@dataclass(frozen=True, eq=False)
+class Costs:
+    """Eq. 24 of every shape, a quadratic function of what is added to the copied shapes.
+
+    Parameters
+    ----------
+    copied : (N,) float64
+        What nothing added costs.
+    right : (V, 3 N) float64
+        Half the slope there, downwards.
+    stiffness : (V, V) sparse
+    """
+
+    copied: np.ndarray
+    right: np.ndarray
+    stiffness: sparse.csc_matrix
+
+    def at(self, added: np.ndarray) -> np.ndarray:
+        """What the shapes cost (N,) with fields (N, V, 3) added, whether these solve Eq. 25 or not."""
+        columns = _columns(added)
+        gained = columns * (2 * self.right - self.stiffness @ columns)
+        return np.maximum(self.copied - gained.sum(0).reshape(-1, 3).sum(1), 0)
+
+
+def differences(faces: Faces, weights: np.ndarray | None = None) -> tuple[Differences, Costs]:
     """Solve Eq. 25 for all shapes at once, in the unknowns `u = transferred - copied`.
 
     Vertices that no shape moves have u = 0 and are no unknowns. A piece without such a vertex may float: it is placed
     so that what is nearly still in a shape stays. `weights` (F,) is what each triangle counts; its area by default.
     """
     gradient, areas = gradient_operator(faces.rest, faces.faces)
-    weighted = (gradient.T @ sparse.diags(np.repeat(areas if weights is None else weights, 3))).tocsr()
+    weights = areas if weights is None else weights
+    weighted = (gradient.T @ sparse.diags(np.repeat(weights, 3))).tocsr()
     stiffness = sparse.csc_matrix(weighted @ gradient)
-    right = np.empty((len(faces.rest), 3 * len(faces.deltas)))
-    for i, wanted in enumerate(_wanted(faces)):
-        right[:, 3 * i : 3 * i + 3] = weighted @ (wanted.reshape(-1, 3) - gradient @ faces.deltas[i])
+    right, copied = _right_sides(faces, gradient, weights, weighted)
     free, floating = _unknowns(faces, stiffness)
     inner = sparse.csc_matrix(stiffness[free][:, free])
     factor = factorize(inner + sparse.diags(GAUGE * inner.diagonal() * floating[free]))
@@ -87,25 +109,8 @@ def differences(faces: Faces, weights: np.ndarray | None = None) -> Differences:
     for piece in faces.pieces:
         if floating[piece[0]]:
             _place(field, faces.deltas, piece)
-    return Differences(field, stiffness, _of_vertices(faces.faces, areas, len(right)), factor.residual)
-
-
-def costs(faces: Faces, deltas: np.ndarray, weights: np.ndarray | None = None) -> np.ndarray:
-    """What Eq. 24 costs at shapes (N, V, 3) of the new face, (N,): squared differences of the gradients, weighted.
-
-    What no displacement can answer, across the plane of a triangle, is left out: the fourth vertex takes all of it.
-    """
-    gradient, areas = gradient_operator(faces.rest, faces.faces)
-    weights = areas if weights is None else weights
-    a, b, c = (faces.rest[faces.faces[:, k]] for k in range(3))
-    normal = np.cross(b - a, c - a)
-    normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
-    result = np.empty(len(deltas))
-    for i, wanted in enumerate(_wanted(faces)):
-        off = wanted - (gradient @ deltas[i]).reshape(-1, 3, 3)
-        across = np.einsum("fk,fkc->fc", normal, off)
-        result[i] = weights @ (np.einsum("fkc,fkc->f", off, off) - np.einsum("fc,fc->f", across, across))
-    return result
+    found = Differences(field, stiffness, _of_vertices(faces.faces, areas, len(right)), factor.residual)
+    return found, Costs(copied, right, stiffness)
 
 
 def surface_of(rest: np.ndarray, faces: np.ndarray) -> tuple[sparse.csc_matrix, np.ndarray]:
@@ -144,16 +149,25 @@ def _fields(columns: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(columns.reshape(len(columns), -1, 3).transpose(1, 0, 2))
 
 
-def _wanted(faces: Faces) -> Iterator[np.ndarray]:
-    """Shape by shape the gradients (F, 3, 3) that each triangle's displacement should have, as the template's does."""
+def _right_sides(faces: Faces, gradient, weights, weighted) -> tuple[np.ndarray, np.ndarray]:
+    """The right-hand sides (V, 3 N) of all shapes, and what Eq. 24 costs at the copied ones, (N,)."""
     inverse = inverse_frames(faces.template, faces.faces)
-    for delta in faces.deltas:
+    a, b, c = (faces.rest[faces.faces[:, k]] for k in range(3))
+    normal = np.cross(b - a, c - a)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
+    right = np.empty((len(faces.rest), 3 * len(faces.deltas)))
+    before = np.empty(len(faces.deltas))
+    for i, delta in enumerate(faces.deltas):
         moved = delta.any(1)
-        rows = np.flatnonzero(moved[faces.faces].any(1))
-        wanted = np.zeros((len(faces.faces), 3, 3))
+        rows = np.flatnonzero(moved[faces.faces[:, 0]] | moved[faces.faces[:, 1]] | moved[faces.faces[:, 2]])
         maps = deformation_gradients(inverse[rows], faces.template + delta, faces.faces[rows])
-        wanted[rows] = maps.transpose(0, 2, 1) - np.eye(3)
-        yield wanted
+        missing = -(gradient @ delta)
+        part = missing.reshape(-1, 3, 3)[rows] + maps.transpose(0, 2, 1) - np.eye(3)
+        missing.reshape(-1, 3, 3)[rows] = part
+        right[:, 3 * i : 3 * i + 3] = weighted @ missing
+        across = np.einsum("fk,fkc->fc", normal[rows], part)  # what no displacement in the triangle's plane can answer
+        before[i] = weights[rows] @ (np.einsum("fkc,fkc->f", part, part) - np.einsum("fc,fc->f", across, across))
+    return right, before
 
 
 def _unknowns(faces: Faces, stiffness) -> tuple[np.ndarray, np.ndarray]:

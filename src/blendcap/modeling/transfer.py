@@ -9,7 +9,7 @@ import numpy as np
 
 from blendcap.data import InputError, Mesh, Rig
 from blendcap.modeling.contacts import find_contacts
-from blendcap.modeling.differences import Faces, costs, differences
+from blendcap.modeling.differences import Faces, differences
 from blendcap.modeling.keeping import keep
 from blendcap.modeling.parts import pieces
 from blendcap.numerics.geodesic import sewn_vertices
@@ -77,16 +77,15 @@ def transfer(template: Rig, mesh: Mesh, *, method: Method = "contact") -> Transf
     faces = _aligned(template, mesh, sewn[mesh.faces])
     contacts = dict(template.contacts)
     if method == "paper":
-        weights = np.ones(len(faces.faces))
-        solved = differences(faces, weights)
+        solved, costs = differences(faces, np.ones(len(faces.faces)))
         deltas, residual = faces.deltas + solved.field, solved.residual
     else:
-        weights, contacts = None, contacts or find_contacts(template)
-        solved = differences(faces)
+        contacts = contacts or find_contacts(template)
+        solved, costs = differences(faces)
         deltas, residual = keep(template, faces, solved, sewn, contacts)
     deltas = deltas[:, sewn].astype(np.float32)
     rig = replace(template, mesh=_dressed(mesh, template.mesh), deltas=deltas, contacts=contacts)
-    return Transfer(rig, faces.unit, costs(faces, rig.deltas, weights), max(residual, solved.residual))
+    return Transfer(rig, faces.unit, costs.at(rig.deltas - faces.deltas), max(residual, solved.residual))
 
 
 def _check(template: Rig, mesh: Mesh) -> None:
