@@ -74,6 +74,15 @@ def test_another_unit_is_converted_and_said(folder, capsys, unit, word):
     assert size == pytest.approx(2 * 78, rel=0.05 if unit != 50 else 0.15)
 
 
+def test_a_unit_guessed_wrongly_is_mended_by_the_face(folder, capsys):
+    scan = masks.scan(**OTHER)
+    blendcap.write_mesh(folder / "scan.obj", scan.with_vertices(scan.vertices / 50))  # as if in decimetres
+    assert main(BUILD[:7]) == 0
+    said = capsys.readouterr().out
+    assert "taken to be in decimetres" in said and "so the unit was wrong" in said
+    assert np.ptp(blendcap.read_rig(folder / "actor.npz").mesh.vertices[:, 0]) == pytest.approx(2 * 78, rel=0.2)
+
+
 def test_inward_normals_are_turned_and_said(folder, capsys):
     scan = masks.scan(**OTHER)
     blendcap.write_mesh(folder / "scan.obj", Mesh(scan.vertices, scan.faces[:, ::-1]))

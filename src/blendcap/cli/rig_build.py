@@ -19,6 +19,11 @@ if TYPE_CHECKING:
     from blendcap.data import Mesh, Rig, SurfacePoints
 
 RIGS = (".glb", ".npz")
+USUAL = (0.8, 1.25)  # sizes of faces beside the template's
+RESIZED = (
+    "The face came out {:.2f} times as large as the template's, so the unit was wrong: the scan is scaled by {:.4g} to "
+    "be as large. Say the unit if you know it, or give landmarks."
+)
 
 
 def build(
@@ -79,19 +84,26 @@ def build(
         unit_mm, note = (1.0, None) if stated else unit_by_landmarks(given, base)
         ready = ready_scan(raw, unit_mm)
         notes = [*notes, *([note] if note else []), *ready.notes]
+    told = len(notes)
     if not as_json:
         for note in notes:
             print(note, flush=True)
     with progress.step("build", "Lay the template onto the scan and carry its shapes over") as tell:
         pairs = None if given is None else (given[0], ready.unit_mm * given[1])
         built = build_rig(base, ready.mesh, pairs, backend=backend, tell=tell)
+        size = float(built.registration.alignment[2])
+        if not stated and pairs is None and not USUAL[0] < size < USUAL[1]:  # the unit was guessed by the whole scan
+            tell("again in the size of the template")
+            ready = ready_scan(raw, ready.unit_mm / size)
+            notes += [*ready.notes, RESIZED.format(size, ready.unit_mm)]
+            built = build_rig(base, ready.mesh, None, backend=backend, tell=tell)
     if examples is not None:
         built = replace(built, rig=refined(built.rig, files, ready.unit_mm, base, progress))
     with progress.step("write", f"Write {output}"):
         write_rig(output, built.rig)
     if report is not None:
         with progress.step("report", f"Write {report}"):
-            steps = [f"Open {output.name} in Blender, or with blendcap view."]
+            steps = [f"Open {output.name} in Blender or any viewer of glTF files."]
             write_rig_report(report, built, base, notes=notes, seconds=progress.seconds, next_steps=steps)
     found = rig_facts(built, base)
     concerns = doubts(built, found)
@@ -105,8 +117,8 @@ def build(
         print_json(facts)
         return
     print_lines({name: fact for name, fact in facts.items() if name not in ("notes", "concerns")})
-    for concern in concerns:
-        print(concern)
+    for sentence in (*notes[told:], *concerns):
+        print(sentence)
 
 
 def _read_landmarks(path: Path, scan: Mesh, template: Rig) -> tuple[SurfacePoints, np.ndarray]:
