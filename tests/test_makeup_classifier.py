@@ -1,5 +1,7 @@
 """Action units from painted strokes: labels, classifiers on one person and on others, curves, refusals."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -173,6 +175,28 @@ def test_a_lesson_of_another_length_or_of_one_showing_is_refused(lesson):
     once, lone, _ = perform(repetitions=1)
     with pytest.raises(InputError, match="only once; let the performer repeat it"):
         train_classifier(once, lone, regions=[REGION])
+
+
+def test_a_frozen_film_and_a_showing_of_a_moment_are_refused(lesson):
+    patches, shown, _ = lesson
+    frozen = replace(patches, images={name: np.broadcast_to(patches.neutral[name], f.shape).copy()
+                                      for name, f in patches.images.items()})  # fmt: skip
+    with pytest.raises(InputError, match=r"patches of the region .* do not move"):
+        train_classifier(frozen, shown, regions=[REGION])
+    unit = shown.units[shown.units != ""][0]
+    rows = np.flatnonzero(shown.units == unit)
+    brief = shown.units.copy()
+    brief[rows[3:]] = ""
+    with pytest.raises(InputError, match=f"shows {unit.replace('+', '.')} in 3 frames; it takes at least 4"):
+        train_classifier(patches, Lesson(brief, shown.repetitions), regions=[REGION])
+
+
+def test_showings_of_unknown_units_are_named(lesson, caplog):
+    patches, shown, _ = lesson
+    units = shown.units.astype(object)
+    units[np.flatnonzero(units == "AU4")[:10]] = "AU99"
+    train_classifier(patches, Lesson(units, shown.repetitions), regions=[REGION])
+    assert "The showings of AU99 teach none of the units that are told" in caplog.text
 
 
 def test_a_unit_without_a_place_in_the_table_is_named(trained, lesson):

@@ -22,6 +22,7 @@ RIDGES = (1.0, 10.0, 100.0, 1000.0)
 SOFT = 3.0  # pixels of blur before the modes of variation are sought
 COST = 0.1  # C of the support vector machine
 FOLDS = 5
+STILL = 1e-4  # of white, root mean square: patches that change by less do not move
 
 log = logging.getLogger(__name__)
 
@@ -73,6 +74,10 @@ def train_classifier(
     regions = regions or (REGIONS if method == "intensity" else PAPER_REGIONS)
     if method == "svm":
         patches, lesson = _one_at_a_time(patches, lesson, regions)
+    foreign = sorted(t for t in shown if not any(_counts(t, unit, method) for r in regions for unit in r.units))
+    if foreign and len(foreign) < len(shown):
+        known = ", ".join(dict.fromkeys(unit for region in regions for unit in region.units))
+        log.warning("The showings of %s teach none of the units that are told: %s.", ", ".join(foreign), known)
     models = []
     for region in regions:
         units = tuple(unit for unit in region.units if any(_counts(turn, unit, method) for turn in shown))
@@ -147,12 +152,24 @@ def _labeled(patches: Patches, lesson: Lesson, region: Region, method: str, seed
         if not len(taught):
             continue
         own = np.flatnonzero(lesson.units == turn)
+        _check_moves(pictures[own] - rest, turn, region.name)
         scale = measure_intensity(pictures[own], rest, seed)
         level = scale.level(pictures[own])
         amounts[np.ix_(own, taught)] = scale.amount(pictures[own])[:, None]
         units[own], labels[own] = taught[0], np.where(level > 0, taught[0] * (LEVELS - 1) + level, 0)
         scales |= dict.fromkeys(taught.tolist(), scale)  # the shortest name comes last: the unit on its own
     return tuple(scales[u] for u in range(len(region.units))), units, amounts, labels
+
+
+def _check_moves(motion: np.ndarray, turn: str, region: str) -> None:
+    """Refuse showings that show nothing: a frozen film would be told perfectly, and tell nothing."""
+    if len(motion) < LEVELS:
+        raise InputError(f"The lesson shows {turn} in {len(motion)} frames; it takes at least {LEVELS}.")
+    if np.sqrt((motion**2).mean()) < STILL:
+        raise InputError(
+            f"Where the lesson shows {turn}, the patches of the region {region!r} do not move; check that the video "
+            "plays and that its times are those of the showings."
+        )
 
 
 def _soft(frames: np.ndarray) -> np.ndarray:
