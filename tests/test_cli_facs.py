@@ -2,12 +2,14 @@
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import blendcap
 from blendcap.cli import main
+from blendcap.cli.facs import _check_films
 from blendcap.data import Camera, InputError
 from blendcap.io import read_video, write_video
 from blendcap.io.cameras import read_cameras, write_cameras
@@ -102,9 +104,34 @@ def test_cameras_come_back_from_their_file(tmp_path):
         np.testing.assert_array_equal(getattr(again, part), getattr(camera, part))
 
 
+def test_cameras_may_stand_in_metres(tmp_path):
+    camera = Camera([[500, 0, 320], [0, 510, 240], [0, 0, 1]], look_at([10, 20, 300], [0, 0, 0]))
+    write_cameras(tmp_path / "c.json", {"left": (camera, (640, 480))})
+    content = json.loads((tmp_path / "c.json").read_text(encoding="utf-8"))
+    for row in content["cameras"][0]["pose"][:3]:
+        row[3] /= 1000
+    (tmp_path / "c.json").write_text(json.dumps(content | {"unit": "m"}), encoding="utf-8")
+    np.testing.assert_allclose(read_cameras(tmp_path / "c.json")["left"][0].pose, camera.pose)
+
+
+def test_videos_in_another_order_than_the_cameras_are_refused():
+    camera = Camera([[500, 0, 320], [0, 510, 240], [0, 0, 1]], look_at([10, 20, 300], [0, 0, 0]))
+    cameras = {name: (camera, SIZE) for name in ("upper_right", "upper_left")}
+    films = [SimpleNamespace(path=Path(f"take.{name}.mp4"), size=SIZE, rate=RATE, count=9) for name in cameras]
+    _check_films(films, cameras, 9, RATE)
+    with pytest.raises(
+        InputError, match=r"take\.upper_left\.mp4 stands where .* 'upper_right' should.*the cameras: upper_r"
+    ):
+        _check_films(films[::-1], cameras, 9, RATE)
+
+
 @pytest.mark.parametrize(
     ("content", "sentence"),
     [
+        (
+            '{"cameras": [{"name": "a", "size": [4, 4], "intrinsics": [], "pose": []}], "unit": "ell"}',
+            "'ell', which is",
+        ),
         ('{"cameras": []}', 'list "cameras" that is not empty'),
         ('{"cameras": [{"name": "a", "size": [0, 4], "intrinsics": [], "pose": []}]}', "0 x 4 pixels, which cannot be"),
         ('{"cameras": [{"name": "a", "size": [4, 4]}]}', "intrinsics"),

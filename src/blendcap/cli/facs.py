@@ -213,6 +213,12 @@ def _check_films(films: list[Video], cameras: Cameras, frames: int, rate: float)
             f"There are {len(films)} videos, but {len(cameras)} cameras ({', '.join(cameras)}); give one a camera."
         )
     for film, (name, (_, size)) in zip(films, cameras.items(), strict=True):
+        other = next((n for n in cameras if n in film.path.stem), None)
+        if other is not None and name not in film.path.stem:
+            raise blendcap.InputError(
+                f"{film.path} stands where the video of the camera {name!r} should, but is named after {other!r}; give "
+                f"the videos in the order of the cameras: {', '.join(cameras)}."
+            )
         if film.size != size:
             raise blendcap.InputError(
                 f"{film.path} has pictures of {film.size[0]} x {film.size[1]} pixels, but the camera {name!r} "
