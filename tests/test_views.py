@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from blendcap import Animation, InputError, read_animation, read_markers, read_rig, read_video
+from blendcap.io.cameras import read_cameras
 from blendcap.io.npz import read_meta, read_npz
 from blendcap.rendering import Light
 from blendcap.synthetic.color import Take, drift, film, one_light
@@ -152,6 +153,9 @@ def test_what_is_written_holds_the_truth(tmp_path):
     shots, take = headcam()
     files = write_shots(tmp_path, shots, take)
     assert sorted(tmp_path.iterdir()) == sorted(files)
+    camera, size = read_cameras(tmp_path / "cameras.json")["upper_right"]
+    assert size == (640, 480)
+    np.testing.assert_allclose(camera.pose, shots[0].camera.pose)
     arrays = read_npz(tmp_path / "upper_right.npz")
     meta = read_meta(arrays, tmp_path)
     assert meta["size"] == [640, 480] and meta["rate"] == 30 and len(meta["landmarks"]) == 68

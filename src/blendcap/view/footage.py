@@ -10,6 +10,7 @@ import numpy as np
 
 from blendcap.data import InputError, MarkerTake
 from blendcap.io import write_animation, write_image, write_markers, write_video
+from blendcap.io.cameras import write_cameras
 from blendcap.io.npz import write_npz
 from blendcap.io.video_write import FOR_PROGRAMS
 from blendcap.synthetic.shot import Shot
@@ -22,15 +23,15 @@ def write_shots(folder: str | os.PathLike, shots: Iterable[Shot], take: MarkerTa
     For each shot NAME.mp4 (H.264 at a constant rate factor of 8, which moves the middle of a dot by some hundredths of
     a pixel) or, of a single frame, NAME.png; and NAME.npz with
     the truth: `intrinsics`, `distortion`, `pose`, `placement` (T, 4, 4), `landmarks` (T, 68, 2), `landmarks_3d`,
-    `landmarks_visible`, `dots`, `dots_3d`, `dots_visible`, and the lights as `light_...`. Once for all: animation.npz
-    (weights and head), action_units.npz, and markers.c3d if there is a take.
+    `landmarks_visible`, `dots`, `dots_3d`, `dots_visible`, and the lights as `light_...`. Once for all: cameras.json
+    (as `facs` reads it), animation.npz (weights and head), action_units.npz, and markers.c3d if there is a take.
 
     Raises
     ------
     InputError
         If the folder does not exist or a file cannot be written.
     """
-    folder, files, first = Path(folder), [], None
+    folder, files, cameras, first = Path(folder), [], {}, None
     if not folder.is_dir():
         raise InputError(f"Cannot write to {folder}: there is no such folder; create it first.")
     for shot in shots:
@@ -42,8 +43,10 @@ def write_shots(folder: str | os.PathLike, shots: Iterable[Shot], take: MarkerTa
             write_video(picture, shot.frames(), shot.rate, shot.size, loss=FOR_PROGRAMS)
         files += [picture, folder / f"{shot.name}.npz"]
         _write_truth(files[-1], shot)
+        cameras[shot.name] = shot.camera, shot.size
     if first is not None:
-        files += [folder / "animation.npz", folder / "action_units.npz"]
+        files += [folder / "cameras.json", folder / "animation.npz", folder / "action_units.npz"]
+        write_cameras(files[-3], cameras)
         write_animation(files[-2], first.animation)
         write_animation(files[-1], unit_curves(first.animation))
     if take is not None:
