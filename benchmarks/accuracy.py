@@ -22,7 +22,7 @@ from blendcap import Animation, Binding, SolveSettings
 from blendcap.metrics import Metrics
 from results import write_section
 
-BETAS, RIDGES, HELMETS = (0.0, 0.1, 0.3, 1.0, 3.0), (0.001, 0.4), ("paper", "rigid")
+BETAS, RIDGES, HELMETS = (0.0, 0.1, 0.3, 1.0, 3.0), (0.001, 0.03, 0.1, 0.4, 1.0), ("paper", "rigid")
 
 
 def judge(case: Case, animation: Animation) -> Metrics:
@@ -85,7 +85,7 @@ def table(measured: dict[str, dict[str, tuple[Metrics, float]]]) -> str:
             f"| {method} | {np.mean([m.vertex_rmse_mm for m in metrics]):.3f} "
             f"| {np.mean(ratios):.2f} ({', '.join(f'{r:.2f}' for r in ratios)}) "
             f"| {np.mean([m.weight_mae for m in metrics]):.4f} | {regions[0]:.2f}, {regions[1]:.2f} | {rough:.4f} "
-            f"| {np.mean([m.blink_gain for m in metrics]):.2f} | {'' if np.isnan(speed) else f'{speed:.0f}'} |"
+            f"| {np.mean([m.blink_gain for m in metrics]):.3f} | {'' if np.isnan(speed) else f'{speed:.0f}'} |"
         )
     return "\n".join(lines)
 
