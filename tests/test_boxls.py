@@ -18,7 +18,7 @@ def make(frames, n, seed=0, extra=5):
     return basis.T @ basis, rng.normal(size=(frames, n)) * 3
 
 
-def same(a, b, atol=1e-11):
+def assert_same(a, b, atol=1e-11):
     np.testing.assert_allclose(a, b, rtol=0, atol=atol)
 
 
@@ -26,7 +26,7 @@ def test_a_diagonal_problem_is_a_clip():
     linear = np.random.default_rng(1).normal(size=(200, 7))
     curvature = np.arange(1.0, 8)
     weights, certificate = solve_box(np.diag(curvature), linear)
-    same(weights, np.clip(-linear / curvature, 0, 1), 1e-14)
+    assert_same(weights, np.clip(-linear / curvature, 0, 1), 1e-14)
     assert certificate.converged
     assert certificate.max_kkt < 1e-14
 
@@ -40,7 +40,7 @@ def test_agrees_with_scipy(frames):
     low, high = -rng.random(12), rng.random(12)
     weights, _ = solve_box(basis.T @ basis, -targets @ basis, lower=low, upper=high)
     for a, y in zip(weights, targets, strict=True):
-        same(a, lsq_linear(basis, y, (low, high), method="bvls", tol=1e-14).x, 1e-10)
+        assert_same(a, lsq_linear(basis, y, (low, high), method="bvls", tol=1e-14).x, 1e-10)
 
 
 def test_agrees_with_daqp():
@@ -49,7 +49,7 @@ def test_agrees_with_daqp():
     weights, _ = solve_box(gram, linear)
     none, zero, one = np.zeros((0, 40)), np.zeros(40), np.ones(40)
     for a, f in zip(weights, linear, strict=True):
-        same(a, daqp.solve(gram, f, none, one, zero, np.zeros(40, np.int32))[0], 1e-9)
+        assert_same(a, daqp.solve(gram, f, none, one, zero, np.zeros(40, np.int32))[0], 1e-9)
 
 
 @given(st.integers(0, 10**6), st.integers(1, 30), st.integers(1, 90), st.integers(-4, 4))
@@ -73,7 +73,7 @@ def test_the_residual_is_that_of_the_returned_weights():
     gram, linear = make(70, 9, 5)
     weights, certificate = solve_box(gram, linear)
     step = weights - np.clip(weights - (weights @ gram + linear) / np.diag(gram), 0, 1)
-    same(certificate.residuals, np.abs(step).max(1), 1e-15)
+    assert_same(certificate.residuals, np.abs(step).max(1), 1e-15)
     assert certificate.residuals.shape == (70,)
 
 
@@ -81,19 +81,19 @@ def test_order_and_scale_do_not_matter():
     gram, linear = make(100, 20, 6)
     weights, _ = solve_box(gram, linear)
     order = np.random.default_rng(7).permutation(20)
-    same(solve_box(gram[np.ix_(order, order)], linear[:, order])[0], weights[:, order])
+    assert_same(solve_box(gram[np.ix_(order, order)], linear[:, order])[0], weights[:, order])
     for factor in (1e-4, 1e4):
-        same(solve_box(gram * factor, linear * factor)[0], weights)
-        same(solve_box(gram * factor**2, linear * factor, upper=1 / factor)[0] * factor, weights)
+        assert_same(solve_box(gram * factor, linear * factor)[0], weights)
+        assert_same(solve_box(gram * factor**2, linear * factor, upper=1 / factor)[0] * factor, weights)
     backwards = np.arange(100)[::-1]
-    same(solve_box(gram, linear[backwards])[0], weights[backwards])
-    same(solve_box(gram, linear[:3])[0], weights[:3])
+    assert_same(solve_box(gram, linear[backwards])[0], weights[backwards])
+    assert_same(solve_box(gram, linear[:3])[0], weights[:3])
 
 
 def test_without_bounds_it_is_a_linear_solve():
     gram, linear = make(70, 15, 8)
     weights, certificate = solve_box(gram, linear, lower=-np.inf, upper=np.inf)
-    same(weights, -np.linalg.solve(gram, linear.T).T, 1e-9)
+    assert_same(weights, -np.linalg.solve(gram, linear.T).T, 1e-9)
     assert certificate.converged
 
 
@@ -110,7 +110,7 @@ def test_a_singular_gram_matrix_has_an_optimum(frames):
 def test_an_unknown_without_curvature_goes_where_its_gradient_points():
     gram, linear = np.diag([1.0, 0.0, 0.0]), np.array([[-0.5, 1.0, -1.0]])
     weights, certificate = solve_box(gram, linear)
-    same(weights, [[0.5, 0, 1]], 1e-12)
+    assert_same(weights, [[0.5, 0, 1]], 1e-12)
     assert certificate.converged
 
 
@@ -124,7 +124,7 @@ def test_a_broken_frame_stays_alone(bad):
     assert np.isinf(certificate.residuals[17])
     assert not certificate.converged
     others = np.arange(100) != 17
-    same(weights[others], clean[others], 1e-13)
+    assert_same(weights[others], clean[others], 1e-13)
     assert np.isfinite(certificate.residuals[others]).all()
 
 
@@ -140,7 +140,7 @@ def test_missing_markers_are_taken_out_of_the_gram_matrix():
     assert certificate.converged
     for t in range(0, 300, 7):
         gone = rows[missing[t]].reshape(-1, 10)
-        same(weights[t], solve_box(gram - gone.T @ gone, linear[t : t + 1])[0][0], 1e-10)
+        assert_same(weights[t], solve_box(gram - gone.T @ gone, linear[t : t + 1])[0][0], 1e-10)
 
 
 def test_a_diagonal_of_each_frame_is_added():
@@ -148,14 +148,14 @@ def test_a_diagonal_of_each_frame_is_added():
     diagonal = np.random.default_rng(13).random((70, 9)) * 50
     weights, _ = solve_box(gram, linear, diagonal=diagonal)
     for t in range(0, 70, 9):
-        same(weights[t], solve_box(gram + np.diag(diagonal[t]), linear[t : t + 1])[0][0])
+        assert_same(weights[t], solve_box(gram + np.diag(diagonal[t]), linear[t : t + 1])[0][0])
 
 
 @pytest.mark.parametrize("begin", [0.0, 0.5, 1.0])
 def test_the_answer_does_not_depend_on_the_start(begin):
     gram, linear = make(80, 30, 14)
     weights, cold = solve_box(gram, linear)
-    same(solve_box(gram, linear, start=np.full((80, 30), begin))[0], weights)
+    assert_same(solve_box(gram, linear, start=np.full((80, 30), begin))[0], weights)
     warm = solve_box(gram, linear, start=weights)[1]
     assert warm.iterations == 1.0
     assert cold.iterations >= 1.0
@@ -196,7 +196,7 @@ def test_the_safety_net_alone_finds_the_optimum():
             padded, np.zeros(25), f / scale, *bounds, state, x, np.zeros(32), workspace(25), 500
         )  # fmt: skip
         assert rounds > 0
-        same(x / scale, a, 1e-10)
+        assert_same(x / scale, a, 1e-10)
 
 
 def test_unknowns_that_stay_at_zero_are_left_out_and_come_back_where_they_are_wanted():
@@ -212,9 +212,9 @@ def test_unknowns_that_stay_at_zero_are_left_out_and_come_back_where_they_are_wa
     assert (weights[:, 12:] == 0).sum() > 88 * 1590
     assert np.isnan(weights[1300]).all()
     assert np.nanmax(np.where(np.isinf(certificate.residuals), 0, certificate.residuals)) < 1e-12
-    same(weights[700:1300], solve_box(gram, linear[700:1300])[0])
+    assert_same(weights[700:1300], solve_box(gram, linear[700:1300])[0])
     shifted, _ = solve_box(gram, linear - 0.5 * gram.sum(0), lower=0.5, upper=1.5)
-    same(shifted - 0.5, weights)
+    assert_same(shifted - 0.5, weights)
 
 
 def test_no_frames_is_no_work():

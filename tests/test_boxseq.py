@@ -18,7 +18,7 @@ def make(frames, n, seed=0, extra=5):
     return basis.T @ basis, -(0.5 + wave + 0.4 * rng.normal(size=(frames, n))) @ (basis.T @ basis)
 
 
-def same(a, b, atol=1e-11):
+def assert_same(a, b, atol=1e-11):
     np.testing.assert_allclose(a, b, rtol=0, atol=atol)
 
 
@@ -50,7 +50,7 @@ def test_is_the_stacked_problem(seed, n, frames, strength):
         gram, linear, coupling, diagonal=diagonal, lower=lower, upper=upper
     )  # fmt: skip
     assert certificate.converged
-    same(weights, stacked([gram] * frames, linear, coupling, diagonal, lower, upper), 1e-10)
+    assert_same(weights, stacked([gram] * frames, linear, coupling, diagonal, lower, upper), 1e-10)
 
 
 def test_missing_markers_are_taken_out_of_the_gram_matrix():
@@ -63,20 +63,20 @@ def test_missing_markers_are_taken_out_of_the_gram_matrix():
     coupling = rng.random((40, 6)) * 10
     weights, certificate = solve_box_sequence(gram, linear, coupling, rows=rows, missing=missing)
     grams = [gram - np.einsum("mki,mkj->ij", rows[gone], rows[gone]) for gone in missing]
-    same(weights, stacked(grams, linear, coupling, np.zeros((40, 6)), np.zeros(6), np.ones(6)), 1e-10)
+    assert_same(weights, stacked(grams, linear, coupling, np.zeros((40, 6)), np.zeros(6), np.ones(6)), 1e-10)
     assert certificate.converged
 
 
 def test_without_coupling_it_is_solve_box():
     gram, linear = make(150, 20, 2)
-    same(solve_box_sequence(gram, linear, np.zeros(20))[0], solve_box(gram, linear)[0])
+    assert_same(solve_box_sequence(gram, linear, np.zeros(20))[0], solve_box(gram, linear)[0])
 
 
 def test_a_strong_coupling_holds_still():
     gram, linear = make(80, 6, 3)
     weights, certificate = solve_box_sequence(gram, linear, np.full(6, 1e9))
     still, _ = solve_box(gram, linear.mean(0, keepdims=True))
-    same(weights, np.repeat(still, 80, axis=0), 1e-4)
+    assert_same(weights, np.repeat(still, 80, axis=0), 1e-4)
     assert certificate.converged
 
 
@@ -85,7 +85,7 @@ def test_one_gaussian_smoother_in_closed_form():
     linear = -np.random.default_rng(4).normal(size=(frames, 1))
     weights, _ = solve_box_sequence(np.eye(1), linear, np.array([c]), lower=-np.inf, upper=np.inf)
     difference = np.diff(np.eye(frames), axis=0)
-    same(weights, -np.linalg.solve(np.eye(frames) + c * difference.T @ difference, linear), 1e-12)
+    assert_same(weights, -np.linalg.solve(np.eye(frames) + c * difference.T @ difference, linear), 1e-12)
 
 
 def test_time_reversed_is_the_answer_reversed():
@@ -93,7 +93,7 @@ def test_time_reversed_is_the_answer_reversed():
     coupling = np.random.default_rng(6).random((90, 12)) * 30
     weights, _ = solve_box_sequence(gram, linear, coupling)
     turned = np.vstack([np.zeros((1, 12)), coupling[:0:-1]])
-    same(solve_box_sequence(gram, linear[::-1], turned)[0], weights[::-1])
+    assert_same(solve_box_sequence(gram, linear[::-1], turned)[0], weights[::-1])
 
 
 def test_the_start_only_saves_steps():
@@ -101,10 +101,10 @@ def test_the_start_only_saves_steps():
     coupling = np.full(15, 20.0)
     weights, cold = solve_box_sequence(gram, linear, coupling)
     again, warm = solve_box_sequence(gram, linear, coupling, start=weights)
-    same(again, weights)
+    assert_same(again, weights)
     assert warm.iterations == 1
     assert cold.iterations > 1
-    same(solve_box_sequence(gram, linear, coupling, start=np.ones((200, 15)))[0], weights)
+    assert_same(solve_box_sequence(gram, linear, coupling, start=np.ones((200, 15)))[0], weights)
 
 
 def test_a_broken_frame_cuts_the_chain():
@@ -115,8 +115,8 @@ def test_a_broken_frame_cuts_the_chain():
     assert np.isnan(weights[20]).all()
     assert np.flatnonzero(np.isinf(certificate.residuals)).tolist() == [20]
     assert not certificate.converged
-    same(weights[:20], solve_box_sequence(gram, linear[:20], coupling)[0])
-    same(weights[21:], solve_box_sequence(gram, linear[21:], coupling)[0])
+    assert_same(weights[:20], solve_box_sequence(gram, linear[:20], coupling)[0])
+    assert_same(weights[21:], solve_box_sequence(gram, linear[21:], coupling)[0])
 
 
 def test_the_residual_counts_the_couplings():
@@ -129,7 +129,7 @@ def test_the_residual_counts_the_couplings():
     assert np.abs(weights - np.clip(weights - slope, 0, 1)).max() > 1e-3  # without them it is no optimum
     slope[1:] += moved
     slope[:-1] -= moved
-    same(weights, np.clip(weights - slope, 0, 1), 1e-11)
+    assert_same(weights, np.clip(weights - slope, 0, 1), 1e-11)
 
 
 def test_the_monotone_method_alone_finds_the_optimum(monkeypatch):
@@ -137,7 +137,7 @@ def test_the_monotone_method_alone_finds_the_optimum(monkeypatch):
     weights, _ = solve_box_sequence(gram, linear, np.full(10, 5.0))
     monkeypatch.setattr(_newton, "MOST", 1)
     slow, certificate = solve_box_sequence(gram, linear, np.full(10, 5.0), start=np.zeros((60, 10)))
-    same(slow, weights, 1e-9)
+    assert_same(slow, weights, 1e-9)
     assert certificate.converged
     assert certificate.iterations > 1
 
@@ -146,14 +146,14 @@ def test_one_state_at_a_time_finds_the_optimum(monkeypatch):
     gram, linear = make(60, 10, 11)
     weights, _ = solve_box_sequence(gram, linear, np.full(10, 5.0))
     monkeypatch.setattr(_newton, "PATIENCE", 0)
-    same(solve_box_sequence(gram, linear, np.full(10, 5.0))[0], weights)
+    assert_same(solve_box_sequence(gram, linear, np.full(10, 5.0))[0], weights)
 
 
 @pytest.mark.parametrize("frames", [0, 1])
 def test_short_sequences(frames):
     gram, linear = make(frames, 4, 12)
     weights, certificate = solve_box_sequence(gram, linear, np.ones(4))
-    same(weights, solve_box(gram, linear)[0])
+    assert_same(weights, solve_box(gram, linear)[0])
     assert certificate.converged
 
 

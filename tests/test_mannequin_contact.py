@@ -86,7 +86,7 @@ def test_the_measure_of_depth_itself():
     assert depth_in_eyes(rig, rig.mesh.vertices) < -0.2
 
 
-def _worst_of_single_shapes(identity, levels: tuple[float, ...]) -> None:
+def assert_single_shapes_stay_out(identity, levels: tuple[float, ...]) -> None:
     rig = person(identity)
     for name in rig.names:
         if name.endswith("Right") and rig.names[rig.mirror[rig.index(name)]] != name and identity in PEOPLE:
@@ -98,13 +98,13 @@ def _worst_of_single_shapes(identity, levels: tuple[float, ...]) -> None:
 
 
 def test_no_shape_goes_through_teeth_or_eyes():
-    _worst_of_single_shapes("plain", (1.0,))
+    assert_single_shapes_stay_out("plain", (1.0,))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("identity", ["kofi", "lars", "mei", 4, 7, 9, 14, 17])
 def test_no_shape_goes_through_teeth_or_eyes_on_others_nor_half_way(identity):
-    _worst_of_single_shapes(identity, (1.0, 0.5))
+    assert_single_shapes_stay_out(identity, (1.0, 0.5))
 
 
 def _through(identity, weights: np.ndarray) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -17,13 +18,12 @@ if TYPE_CHECKING:
     import numpy as np
 
     from blendcap.data import Mesh, Rig, SurfacePoints
+    from blendcap.modeling.build import BuiltRig
+    from blendcap.modeling.scan_repair import ReadyScan
+
+    Pairs = tuple[SurfacePoints, np.ndarray]
 
 RIGS = (".glb", ".npz")
-USUAL = (0.8, 1.25)  # sizes of faces beside the template's
-RESIZED = (
-    "The face came out {:.2f} times as large as the template's, so the unit was wrong: the scan is scaled by {:.4g} to "
-    "be as large. Say the unit if you know it, or give landmarks."
-)
 
 
 def build(
@@ -66,10 +66,7 @@ def build(
     """
     from blendcap.cli.rig_examples import example_files, refined
     from blendcap.io import read_mesh, read_rig, write_rig
-    from blendcap.modeling.build import build_rig
-    from blendcap.modeling.landmark_pairs import find_pairs
-    from blendcap.modeling.scan_repair import ready_scan, unit_by_landmarks
-    from blendcap.view.rig_report import doubts, rig_facts, write_rig_report
+    from blendcap.view.rig_report import write_rig_report
 
     check_outputs([output], RIGS)
     check_outputs([report], PAGES)
@@ -79,46 +76,72 @@ def build(
         raw = read_mesh(scan, unit or "mm")
         base = blendcap.mannequin() if template is None else read_rig(template)
     with progress.step("landmarks", "Find landmarks" if landmarks is None else f"Read {landmarks}"):
-        given, notes = find_pairs(raw, base) if landmarks is None else (_read_landmarks(landmarks, raw, base), [])
         stated = unit is not None or scan.suffix.lower() in (".glb", ".gltf")
-        unit_mm, note = (1.0, None) if stated else unit_by_landmarks(given, base)
-        ready = ready_scan(raw, unit_mm)
-        notes = [*notes, *([note] if note else []), *ready.notes]
-    told = len(notes)
-    if not as_json:
-        for note in notes:
-            print(note, flush=True)
+        ready, pairs, notes = _ready(raw, base, landmarks, stated)
+    _tell(notes, as_json)
     with progress.step("build", "Lay the template onto the scan and carry its shapes over") as tell:
-        pairs = None if given is None else (given[0], ready.unit_mm * given[1])
-        built = build_rig(base, ready.mesh, pairs, backend=backend, tell=tell)
-        size = float(built.registration.alignment[2])
-        if not stated and pairs is None and not USUAL[0] < size < USUAL[1]:  # the unit was guessed by the whole scan
-            tell("again in the size of the template")
-            ready = ready_scan(raw, ready.unit_mm / size)
-            notes += [*ready.notes, RESIZED.format(size, ready.unit_mm)]
-            built = build_rig(base, ready.mesh, None, backend=backend, tell=tell)
+        built, sized = _built(base, ready, pairs, stated, backend, tell)
+    later = sized.notes[len(ready.notes) :]
     if examples is not None:
-        built = replace(built, rig=refined(built.rig, files, ready.unit_mm, base, progress))
+        built = replace(built, rig=refined(built.rig, files, sized.unit_mm, base, progress))
     with progress.step("write", f"Write {output}"):
         write_rig(output, built.rig)
     if report is not None:
         with progress.step("report", f"Write {report}"):
             steps = [f"Open {output.name} in Blender or any viewer of glTF files."]
-            write_rig_report(report, built, base, notes=notes, seconds=progress.seconds, next_steps=steps)
-    found = rig_facts(built, base)
-    concerns = doubts(built, found)
-    facts: dict[str, Any] = {
-        "vertices": len(built.rig.mesh.vertices), "shapes": len(built.rig.names), "unit_mm": ready.unit_mm,
-        "notes": notes, "concerns": concerns, **found, "solver": built.registration.backend,
-        "converged": all(level.converged for level in built.registration.levels), "seconds": progress.seconds,
-        "wrote": [str(path) for path in (output, report) if path is not None],
-    }  # fmt: skip
+            said = [*notes, *later]
+            write_rig_report(report, built, base, notes=said, seconds=progress.seconds, next_steps=steps)
+    facts = _facts(built, base, sized.unit_mm) | {"seconds": progress.seconds}
+    facts["wrote"] = [str(path) for path in (output, report) if path is not None]
     if as_json:
-        print_json(facts)
-        return
-    print_lines({name: fact for name, fact in facts.items() if name not in ("notes", "concerns")})
-    for sentence in (*notes[told:], *concerns):
-        print(sentence)
+        print_json({"notes": [*notes, *later], **facts})
+    else:
+        print_lines({name: fact for name, fact in facts.items() if name != "concerns"})
+        _tell([*later, *facts["concerns"]], as_json)
+
+
+def _tell(sentences: Iterable[str], as_json: bool) -> None:
+    if not as_json:
+        for sentence in sentences:
+            print(sentence, flush=True)
+
+
+def _ready(raw: Mesh, base: Rig, landmarks: Path | None, stated: bool) -> tuple[ReadyScan, Pairs | None, list[str]]:
+    """The scan made ready, pairs of landmarks in mm if there are any, and what to say of both."""
+    from blendcap.modeling.landmark_pairs import find_pairs
+    from blendcap.modeling.scan_repair import ready_scan, unit_by_landmarks
+
+    given, notes = find_pairs(raw, base) if landmarks is None else (_read_landmarks(landmarks, raw, base), [])
+    unit_mm, note = (1.0, None) if stated else unit_by_landmarks(given, base)
+    ready = ready_scan(raw, unit_mm)
+    pairs = None if given is None else (given[0], ready.unit_mm * given[1])
+    return ready, pairs, [*notes, *([note] if note else []), *ready.notes]
+
+
+def _built(base: Rig, ready: ReadyScan, pairs: Pairs | None, stated: bool, backend, tell) -> tuple[BuiltRig, ReadyScan]:
+    """The rig, and the scan in the size that it was built from: a guessed unit is held against the face."""
+    from blendcap.modeling.build import build_rig
+    from blendcap.modeling.scan_repair import resized
+
+    built = build_rig(base, ready.mesh, pairs, backend=backend, tell=tell)
+    if stated or pairs is not None:
+        return built, ready
+    sized = resized(ready, float(built.registration.alignment[2]))
+    if sized is ready:
+        return built, ready
+    tell("again in the size of the template")
+    return build_rig(base, sized.mesh, None, backend=backend, tell=tell), sized
+
+
+def _facts(built: BuiltRig, base: Rig, unit_mm: float) -> dict[str, Any]:
+    from blendcap.view.rig_report import doubts, rig_facts
+
+    found = rig_facts(built, base)
+    return {
+        "vertices": len(built.rig.mesh.vertices), "shapes": len(built.rig.names), "unit_mm": unit_mm,
+        "concerns": doubts(built, found), **found, "solver": built.registration.backend,
+        "converged": all(level.converged for level in built.registration.levels),
+    }  # fmt: skip
 
 
 def _read_landmarks(path: Path, scan: Mesh, template: Rig) -> tuple[SurfacePoints, np.ndarray]:

@@ -15,6 +15,7 @@ HEAD = (120.0, 650.0)  # mm: the longest side of a scan of a face, a head or a b
 TYPICAL = 280.0  # mm
 BODY = 4.0  # a box with sides in this ratio is no face: a mask reaches 3.3, a standing body 5
 SECOND = 0.5  # a second surface of this share of the first's area is a second face
+SIZES = (0.8, 1.25)  # of a face beside the template's; beyond it the unit is wrong
 MOST = 400_000  # triangles; a registration gains nothing from more
 
 
@@ -96,13 +97,31 @@ def unit_by_face(template_size: float) -> tuple[float, str | None]:
         Units of the scan that one mm of the template takes, by landmarks.
     """
     word = min(UNITS, key=lambda name: abs(np.log(UNITS[name] * template_size)))
-    if not 0.8 < UNITS[word] * template_size < 1.25:
+    if not SIZES[0] < UNITS[word] * template_size < SIZES[1]:
         return 1 / template_size, (
             f"The scan's face has no face's size in any usual unit; it is scaled by {1 / template_size:.4g} to be as "
             "large as the template's. Say the unit if you know it."
         )
     said = f"The scan is taken to be in {word}: only then is its face as large as a face."
     return UNITS[word], None if word == "millimetres" else said
+
+
+def resized(scan: ReadyScan, size: float) -> ReadyScan:
+    """The scan in the size of the template, and a sentence, if its face came out as large as no face; else itself.
+
+    Parameters
+    ----------
+    size : float
+        Of the registered face, in sizes of the template's. Only for a unit that was guessed from the whole scan.
+    """
+    if SIZES[0] < size < SIZES[1]:
+        return scan
+    unit_mm = scan.unit_mm / size
+    said = (
+        f"The face came out {size:.2f} times as large as the template's, so the unit was wrong: the scan is scaled by "
+        f"{unit_mm:.4g} to be as large. Say the unit if you know it, or give landmarks."
+    )
+    return ReadyScan(scan.mesh.with_vertices(scan.mesh.vertices / size), unit_mm, (*scan.notes, said))
 
 
 def clustered(vertices: np.ndarray, faces: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:

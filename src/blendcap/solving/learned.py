@@ -112,51 +112,136 @@ def solve_learned(
     progress : callable
         Told what begins.
     """
-    start = prior = symmetric_prior(mirror, symmetry, rate)
+    start = symmetric_prior(mirror, symmetry, rate)
     kinship = Kinship.of_pairs(mirror) if kinship is None else kinship
     quick = np.zeros(len(mirror), dtype=bool) if quick is None else quick
-    unknowns, factors, foretold = None, np.ones((1, len(mirror))), np.zeros((1, len(mirror)))
-    held, trusted, weighed = np.zeros(len(mirror), dtype=bool), np.ones(len(rows.rows)), rows
-    least, noise = noise, max(noise, START_NOISE)
+    belief = _Belief.first(start, max(noise, START_NOISE), len(rows.rows))
     told_error = np.full(len(mirror), curve_error)
     if curves is not None:
         progress("the markers alone")
-        curves, told_error = _calibrated(
-            rows, prior, noise, _coupling(rows, prior, noise, rate, smoothness), curves, curve_error
-        )
-    for k in range(passes):
-        progress(f"pass {k + 1} of {passes}")
-        precision = _precision(prior, noise, len(rows.lower))
-        coupling = _coupling(rows, prior, noise, rate, smoothness * factors)
-        strength = (noise / told_error) ** 2
-        diagonal, pull = (None, 0.0) if curves is None else curves.terms(strength, len(rows.lower))
-        unknowns, certificate = solve_box_sequence(
-            weighed.gram + precision, weighed.linear + pull + _pull_along(coupling, foretold), coupling,
-            diagonal=diagonal, lower=rows.lower, upper=rows.upper, start=unknowns, rows=weighed.rows,
-            missing=rows.missing,
-        )  # fmt: skip
-        log.info("pass %d: %d Newton steps, KKT %.1e", k + 1, certificate.iterations, certificate.max_kkt)
-        if k == passes - 1:
-            break
-        weights = unknowns[:, : rows.shapes]
-        known = precision if diagonal is None else precision + np.diag(diagonal.mean(0))
-        prior, covariance = learn_prior(start, weights, weighed.mean_gram, prior, known, noise, rate)
-        leverage = np.einsum("mki,ij,mkj->m", weighed.rows, covariance / noise**2, weighed.rows)
-        trusted = trust(marker_errors(rows, unknowns, leverage))
-        noise = max(least, overall(rows, unknowns, leverage, trusted))
-        weighed = rows.weighed(trusted)
-        told = np.zeros(len(mirror)) if curves is None else curves.precision(told_error)
-        held = held_shapes(weighed, lasting_noise(noise, least), kinship, told)
-        prior = prior.holding(held)
-        factors, foretold = step_weights(weights, prior, mirror, quick), trend(weights, quick)
-        if relinearize is not None and k == passes - 2:
+        curves, told_error = _calibrated(rows, belief, rate, smoothness, curves, curve_error)
+    progress(f"pass 1 of {passes}")
+    terms = _terms(rows, belief, rate, smoothness, curves, told_error)
+    unknowns, certificate = terms.solved()
+    for k in range(1, passes):
+        belief = _learned(rows, terms, unknowns, belief, start, noise, rate, quick, kinship)
+        if relinearize is not None and k == passes - 1:
             rows = rows.with_targets(relinearize(unknowns))
-            weighed = rows.weighed(trusted)
-    assert unknowns is not None  # there is at least one pass
-    energies = _energies(weighed, unknowns, precision, coupling, foretold)
-    if curves is not None:
-        energies["curves"] = curves.energy(unknowns[:, : rows.shapes], strength)
-    return Answer(rows, unknowns, energies, certificate, noise, held, trusted)
+        progress(f"pass {k + 1} of {passes}")
+        terms = _terms(rows, belief, rate, smoothness, curves, told_error)
+        unknowns, certificate = terms.solved(unknowns)
+    energies = terms.energies(unknowns)
+    return Answer(rows, unknowns, energies, certificate, belief.noise, belief.held, belief.trusted)
+
+
+@dataclass(frozen=True, eq=False)
+class _Belief:
+    """What a pass takes for granted, and the pass before has taught.
+
+    Parameters
+    ----------
+    prior : TakePrior
+    noise : float
+        mm.
+    factors, foretold : (T, N)
+        Student weights of the steps, and the steps that quick shapes are about to make; one row before any is known.
+    held : (N,) bool
+    trusted : (M,)
+    """
+
+    prior: TakePrior
+    noise: float
+    factors: np.ndarray
+    foretold: np.ndarray
+    held: np.ndarray
+    trusted: np.ndarray
+
+    @staticmethod
+    def first(prior: TakePrior, noise: float, markers: int) -> _Belief:
+        count = len(prior.steps)
+        return _Belief(
+            prior, noise, np.ones((1, count)), np.zeros((1, count)), np.zeros(count, dtype=bool), np.ones(markers)
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class _Terms:
+    """The quadratic that one pass minimises, mm²; `rows` are weighed by trust, `told_error` (N,) is of the curves."""
+
+    rows: MarkerRows
+    precision: np.ndarray
+    coupling: np.ndarray
+    foretold: np.ndarray
+    curves: Curves | None
+    told_error: np.ndarray
+    strength: np.ndarray
+
+    def solved(self, start: np.ndarray | None = None) -> tuple[np.ndarray, Certificate]:
+        """The unknowns (T, N + K) at its optimum."""
+        diagonal, pull = self.diagonal_and_pull()
+        unknowns, certificate = solve_box_sequence(
+            self.rows.gram + self.precision, self.rows.linear + pull + _pull_along(self.coupling, self.foretold),
+            self.coupling, diagonal=diagonal, lower=self.rows.lower, upper=self.rows.upper, start=start,
+            rows=self.rows.rows, missing=self.rows.missing,
+        )  # fmt: skip
+        log.info("%d Newton steps, KKT %.1e", certificate.iterations, certificate.max_kkt)
+        return unknowns, certificate
+
+    def diagonal_and_pull(self) -> tuple[np.ndarray | None, np.ndarray | float]:
+        """What the curves add to each frame's diagonal and linear term."""
+        return (None, 0.0) if self.curves is None else self.curves.terms(self.strength, len(self.rows.lower))
+
+    def told(self) -> np.ndarray:
+        """(N,) one over variance of what the curves tell of each weight."""
+        return np.zeros(self.rows.shapes) if self.curves is None else self.curves.precision(self.told_error)
+
+    def energies(self, unknowns: np.ndarray) -> dict[str, np.ndarray]:
+        """{term: (T,)} mm²."""
+        rows = self.rows
+        steps = np.diff(unknowns, axis=0, prepend=unknowns[:1])
+        steps[:, : rows.shapes] -= self.foretold
+        steps = steps**2 * self.coupling
+        energies = {
+            "markers": np.nansum(rows.errors(unknowns) ** 2, axis=1),
+            "prior": np.einsum("ti,ij,tj->t", unknowns, self.precision, unknowns, optimize=True),
+            "smoothness": steps[:, : rows.shapes].sum(1),
+            "helmet smoothness": steps[:, rows.shapes :].sum(1),
+        }
+        if self.curves is not None:
+            energies["curves"] = self.curves.energy(unknowns[:, : rows.shapes], self.strength)
+        return energies
+
+
+def _terms(
+    rows: MarkerRows, belief: _Belief, rate: float, smoothness: float, curves: Curves | None, told_error: np.ndarray
+) -> _Terms:
+    return _Terms(
+        rows.weighed(belief.trusted),
+        _precision(belief.prior, belief.noise, len(rows.lower)),
+        _coupling(rows, belief.prior, belief.noise, rate, smoothness * belief.factors),
+        belief.foretold,
+        curves,
+        told_error,
+        (belief.noise / told_error) ** 2,
+    )
+
+
+def _learned(
+    rows: MarkerRows, terms: _Terms, unknowns: np.ndarray, belief: _Belief, start: TakePrior, least: float, rate: float,
+    quick: np.ndarray, kinship: Kinship,
+) -> _Belief:  # fmt: skip
+    """What an answer teaches: the prior, whom to trust, the noise that is left, and what the markers cannot tell."""
+    weights, weighed = unknowns[:, : rows.shapes], terms.rows
+    diagonal, _ = terms.diagonal_and_pull()
+    known = terms.precision if diagonal is None else terms.precision + np.diag(diagonal.mean(0))
+    prior, covariance = learn_prior(start, weights, weighed.mean_gram, belief.prior, known, belief.noise, rate)
+    leverage = np.einsum("mki,ij,mkj->m", weighed.rows, covariance / belief.noise**2, weighed.rows)
+    trusted = trust(marker_errors(rows, unknowns, leverage))
+    noise = max(least, overall(rows, unknowns, leverage, trusted))
+    held = held_shapes(rows.weighed(trusted), lasting_noise(noise, least), kinship, terms.told())
+    prior = prior.holding(held)
+    factors = step_weights(weights, prior, kinship.mirror, quick)
+    return _Belief(prior, noise, factors, trend(weights, quick), held, trusted)
 
 
 def _pull_along(coupling: np.ndarray, foretold: np.ndarray) -> np.ndarray:
@@ -174,15 +259,13 @@ def _coupling(rows: MarkerRows, prior: TakePrior, noise: float, rate: float, fac
 
 
 def _calibrated(
-    rows: MarkerRows, prior: TakePrior, noise: float, coupling: np.ndarray, curves: Curves, least: float
+    rows: MarkerRows, belief: _Belief, rate: float, smoothness: float, curves: Curves, least: float
 ) -> tuple[Curves, np.ndarray]:
     """The curves on the markers' scale and their errors (N,), told by a solve that does not know them."""
-    precision = _precision(prior, noise, len(rows.lower))
-    alone, _ = solve_box_sequence(
-        rows.gram + precision, rows.linear, coupling, lower=rows.lower, upper=rows.upper,
-        rows=rows.rows, missing=rows.missing,
-    )  # fmt: skip
-    variance = posterior(rows.mean_gram, precision, prior.steps, noise**2)[0].diagonal()[: rows.shapes]
+    terms = _terms(rows, belief, rate, smoothness, None, np.full(rows.shapes, least))
+    alone, _ = terms.solved()
+    noise = belief.noise
+    variance = posterior(rows.mean_gram, terms.precision, belief.prior.steps, noise**2)[0].diagonal()[: rows.shapes]
     return curves.calibrated(alone[:, : rows.shapes], variance, weight_errors(rows, noise) < TELLING, least)
 
 
@@ -191,17 +274,3 @@ def _precision(prior: TakePrior, noise: float, size: int) -> np.ndarray:
     precision = np.eye(size) * HELMET_RIDGE
     precision[:count, :count] = noise**2 * np.linalg.inv(prior.covariance)
     return precision
-
-
-def _energies(
-    rows: MarkerRows, unknowns: np.ndarray, precision: np.ndarray, coupling: np.ndarray, foretold: np.ndarray
-) -> dict[str, np.ndarray]:
-    steps = np.diff(unknowns, axis=0, prepend=unknowns[:1])
-    steps[:, : rows.shapes] -= foretold
-    steps = steps**2 * coupling
-    return {
-        "markers": np.nansum(rows.errors(unknowns) ** 2, axis=1),
-        "prior": np.einsum("ti,ij,tj->t", unknowns, precision, unknowns, optimize=True),
-        "smoothness": steps[:, : rows.shapes].sum(1),
-        "helmet smoothness": steps[:, rows.shapes :].sum(1),
-    }

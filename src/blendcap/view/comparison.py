@@ -11,7 +11,7 @@ import numpy as np
 
 from blendcap.data import Animation, InputError, Rig, Solution
 from blendcap.io.video_write import write_video
-from blendcap.metrics import evaluate
+from blendcap.metrics import INSIDE, evaluate
 from blendcap.view import page
 from blendcap.view.posing import weights_on
 from blendcap.view.preview import one_of, picture_frames
@@ -25,7 +25,7 @@ MOST_CURVES = 12
 CHANGED = 0.01  # a weight that changes by less is as it was
 PICTURE = (600, 600)
 PICTURES, APART = 3, 1.0  # frames that are shown, and seconds between them at least
-HIDDEN = ("eyes", "teeth", "tongue", "mouth", "sockets", "upper", "lower")
+HIDDEN = (*INSIDE, "upper", "lower")  # halves of the face hold all other regions
 
 
 def comparison(rig: Rig, alone: Solution, hybrid: Solution, patches: Animation | None = None) -> str:

@@ -59,8 +59,8 @@ def _unseen(solution: Solution) -> list[str]:
         (solution.held, "are held at rest"),
         ([n for n in solution.unseen if n not in solution.held], "follow their partner or are a guess"),
     ):
-        listed = ", ".join(f"{n} ({known})" for n in names if (known := sight(solution.unseen[n])))
-        if listed:
+        if names:
+            listed = ", ".join(f"{name} ({sight(solution.unseen[name])})" for name in names)
             said.append(f"These markers cannot tell {len(names)} of the shapes, which {what}: {listed}.")
     return said
 
@@ -75,7 +75,7 @@ def _bad_markers(solution: Solution) -> list[str]:
     rms, _ = marker_errors(solution)
     lost = np.isnan(solution.residuals).mean(0)
     usual = float(np.nanmedian(rms)) if np.isfinite(rms).any() else np.nan
-    bad = [(error, *span) for span in _spans_astray(solution, usual) for error in [_rms(solution, *span)]]
+    bad = [(_rms(solution, *span), *span) for span in _spans_astray(solution, usual)]
     for error, m, first, last in sorted(bad, reverse=True)[:MOST]:
         said.append(
             f"Marker {solution.marker_names[m]} is off by {error:.1f} mm {_when(solution, first, last)}, the others by "

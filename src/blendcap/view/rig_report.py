@@ -13,6 +13,7 @@ from blendcap.data.names import canonical
 from blendcap.io.atomic import write_whole
 from blendcap.modeling.build import BuiltRig
 from blendcap.modeling.contacts import find_contacts, gaps
+from blendcap.modeling.scan_repair import SIZES
 from blendcap.rendering import face_camera, prepare, prepare_rig, shaped
 from blendcap.view import page
 from blendcap.view.heatmap import heatmap
@@ -146,7 +147,7 @@ def doubts(built: BuiltRig, facts: Mapping[str, Any]) -> list[str]:
                 f"mm a step after {level.steps} steps; if it is off in the pictures, give landmarks, or cut hair and "
                 "clothes off the scan."
             )
-    if not 0.8 < facts["scale"] < 1.25:
+    if not SIZES[0] < facts["scale"] < SIZES[1]:
         lines.append(f"The face is {facts['scale']:.2f} times as large as the template's: is the scan's unit right?")
     return lines
 
