@@ -14,6 +14,7 @@ from blendcap.modeling.matching import ScanSurface
 from blendcap.modeling.schedule import Schedule
 from blendcap.modeling.template import Skin
 from blendcap.numerics.anderson import Anderson
+from blendcap.numerics.coarsening import coarse_basis
 from blendcap.numerics.leastsq import Backend
 from blendcap.numerics.surfaces import edges_of, turned_over, vertex_normals
 
@@ -73,11 +74,16 @@ def fit_skin(
     center = start.mean(0)
     size = HEAD * float(np.sqrt(((start - center) ** 2).sum(1).mean()))
     unit = (start - center) / size
-    field = AffineField(unit, *_edges(unit, skin, schedule.even), sampling, backend)
+    edges, joined = _edges(unit, skin, schedule.even)
+    coarse = schedule.stiffness[0] >= schedule.coarse
+    basis = coarse_basis(len(unit), edges, joined) if coarse else None
+    field = AffineField(unit, edges, joined, sampling, backend, basis)
     held = (positions - center) / size
     match = _Matcher(skin, surface, schedule, center, size, unit)
     maps, levels, costs = field.identity, [], []
     for number, (alpha, beta) in enumerate(zip(schedule.stiffness, schedule.landmarks, strict=True)):
+        if coarse and alpha < schedule.coarse:
+            maps, field, coarse = field.maps(maps), AffineField(unit, edges, joined, sampling, backend), False
         maps, weights, targets, level = _settle(field, maps, match, alpha, beta, held, schedule, size)
         levels.append(level)
         costs.append(field.energies(maps, weights, targets, held))

@@ -11,9 +11,10 @@ from scipy.sparse.csgraph import connected_components
 def edges_of(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Edges (E, 2), smaller vertex first, and how many triangles use each, (E,)."""
     faces = np.asarray(faces)
-    corners = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
-    edges, count = np.unique(corners, axis=0, return_counts=True)
-    return edges, count
+    ends = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]).astype(np.int64)
+    span = ends.max(initial=0) + 1
+    keys, count = np.unique(ends.min(1) * span + ends.max(1), return_counts=True)
+    return np.stack([keys // span, keys % span], axis=1), count
 
 
 def border_vertices(faces: np.ndarray, vertices: int) -> np.ndarray:
