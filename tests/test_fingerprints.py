@@ -7,7 +7,7 @@ import pytest
 
 from fingerprints import EXPECTED, fingerprint, made
 
-PICTURES = ("texture", "frame", "photograph")  # levels of 0 to 255: one that falls between two may go either way
+PICTURES = ("texture", "frame", "film", "photograph")  # levels of 0 to 255: one between two may go either way
 
 
 @pytest.fixture(scope="module")

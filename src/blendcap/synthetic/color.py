@@ -11,11 +11,13 @@ from blendcap.data import Animation, Camera, Mesh, Rig
 from blendcap.rendering import Light, Surface, blended_slopes, default_colors, prepare, project
 from blendcap.rendering.color import LINEAR, PIXELS, STEPS
 from blendcap.rendering.grey import MOMENT
+from blendcap.synthetic.face_paint import GUMS, TEETH, TONGUES, kinds_of
 from blendcap.synthetic.paint import drawn_faces
 from blendcap.synthetic.performer import Performer
 from blendcap.synthetic.shot import Shot
 
 STILL = 0.3  # pixels of motion in an exposure that blur nothing
+GLOW = {TEETH: 0.4, TONGUES: 0.15, GUMS: 0.15}  # openness to the sky, at least: they light each other
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,12 +69,12 @@ def film(
     acted = performer.act(animation).select(performer.names)
     count = len(acted.weights)
     placement = np.tile(np.eye(4), (count, 1, 1)) if animation.head is None else np.asarray(animation.head)
-    surface, rig = dressed(performer.rig), performer.rig
+    surface, rig, glow = dressed(performer.rig), performer.rig, _glow(performer.rig)
 
     def develop(vertices: np.ndarray, shift: np.ndarray, frame: int) -> np.ndarray:
         slopes = blended_slopes(rig, performer.expand(acted.weights[frame]))
         worn = surface if slopes is None else replace(surface, relief=replace(surface.relief, slopes=slopes))
-        linear = _blurred(worn, vertices, shift, camera, size, take)
+        linear = _blurred(worn, vertices, shift, glow, camera, size, take)
         rng = np.random.default_rng([seed, frame])
         return _read_out(linear * take.gain[frame], take, rng)
 
@@ -90,6 +92,11 @@ def dressed(rig: Rig) -> Surface:
     uv_faces = None if mesh.uv_faces is None else mesh.uv_faces[keep]
     parts = {"uv": mesh.uv, "uv_faces": uv_faces, "texture": mesh.texture, "normal_map": mesh.normal_map}
     return prepare(Mesh(mesh.vertices, mesh.faces[keep], **parts))
+
+
+def _glow(rig: Rig) -> np.ndarray:
+    """Openness to the sky (V,) that teeth, gums and tongue have at least."""
+    return np.array([GLOW.get(int(kind), 0.0) for kind in kinds_of(rig)])
 
 
 def room(size: tuple[int, int], rng: np.random.Generator) -> np.ndarray:
@@ -116,14 +123,15 @@ def drift(count: int, rate: float, size: float, rng: np.random.Generator, period
     )
 
 
-def _blurred(surface: Surface, vertices, shift, camera: Camera, size, take: Take) -> np.ndarray:
+def _blurred(surface: Surface, vertices, shift, glow, camera: Camera, size, take: Take) -> np.ndarray:
     """Linear light (H, W, 3): the mean of three moments of the exposure, or one if nothing moves."""
     moved = np.abs(project(vertices + shift, camera)[0] - project(vertices, camera)[0])
     posed = surface.posed(vertices)
+    sky = np.maximum(posed.sky, glow)
     moments = (0.0,) if np.nanmax(moved) < STILL else (-MOMENT, 0.0, MOMENT)
     total = np.zeros((size[1], size[0], 3))
     for moment in moments:
-        there = posed if moment == 0 else posed.posed(vertices + moment * shift, posed.sky)
+        there = surface.posed(vertices + moment * shift, sky)
         total += LINEAR[there.picture(camera, size, light=take.light, background=take.background)]
     return total / len(moments)
 

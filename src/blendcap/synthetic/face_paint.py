@@ -20,6 +20,7 @@ from blendcap.synthetic.plain import plain_places
 
 SKIN, EYE, TEETH, TONGUES, GUMS, MOUTH, SOCKET, UNSEEN = range(8)
 LAYERS = np.array([0, 1, 2, 2, 2, 0, 0, -1])  # kinds of one layer do not lie over each other in a texture
+BACK = 0.8  # of the way from the gaze to the back of an eyeball
 CORNEA = 1.03  # of the globe's radius: what stands out further is the cornea
 _WORDS = ((SOCKET, ("socket",)), (MOUTH, ("mouthsocket", "mouthbag")), (TONGUES, ("tongue",)), (GUMS, ("gum",)),
           (TEETH, ("teeth", "tooth")), (UNSEEN, HIDDEN_WORDS))  # fmt: skip
@@ -48,9 +49,9 @@ def paint_face(rig: Rig, look: Look | int = 0, *, size: int = 1024) -> Rig:
     rig = laid_out(rig)
     if is_mannequin(rig):
         return replace(rig, mesh=replace(rig.mesh, texture=painted(look)))
-    assert rig.mesh.uv is not None and rig.mesh.uv_faces is not None
+    assert rig.mesh.uv is not None
     kinds = np.min(kinds_of(rig)[rig.mesh.faces], axis=1)
-    whole = canvas_of(rig.mesh.uv, rig.mesh.uv_faces, size)
+    whole = canvas_of(rig.mesh.uv, _shown(rig), size)
     linear = np.tile(np.asarray(look.skin, dtype=np.float32), (size, size, 1))
     for kind in np.unique(kinds):
         part, vertices = whole.part(kinds[whole.faces] == kind), np.unique(rig.mesh.faces[kinds == kind])
@@ -133,6 +134,14 @@ def _eye_chart(rig: Rig, kinds: np.ndarray) -> np.ndarray:
             angle = np.arccos(np.clip(unit[:, 2:], -1, 1))
             chart[own] = 0.5 + 0.499 * angle / np.pi * unit[:, :2] / np.maximum(np.sin(angle), 1e-9)
     return chart
+
+
+def _shown(rig: Rig) -> np.ndarray:
+    """Rows (F, 3) of the texture coordinates, without extent at the back of an eyeball: it would cover the front."""
+    angle = 2 * np.linalg.norm(_eye_chart(rig, kinds_of(rig)) - 0.5, axis=1)  # NaN but on eyeballs
+    assert rig.mesh.uv_faces is not None
+    back = (angle[rig.mesh.faces] > BACK).any(1, keepdims=True)
+    return np.where(back, rig.mesh.uv_faces[:, :1], rig.mesh.uv_faces)
 
 
 def _gaze(points: np.ndarray) -> np.ndarray:

@@ -7,12 +7,14 @@ import numpy as np
 from blendcap.data import Mesh, SurfacePoints
 from blendcap.synthetic.mannequin.cage import Cage
 
-# iBUG 300-W order (Sagonas et al. 2013), from the subject's right (~) to the left; a pair is the middle of an edge.
-# Along nostrils and lips the points lie where they do in the mean of the annotated faces: at half the base of the nose,
-# and at 0.63 (outer lip) and 0.27 (inner lip) of the way from the middle of the mouth to its corner.
+# iBUG 300-W order (Sagonas et al. 2013), from the subject's right (~) to the left; A+B is the middle of an edge, A++B a
+# quarter of the way from A. Points lie where they do in the mean of annotated faces: the jaw's on the outline that is
+# seen from the front, evenly from ear to chin; the brows' on hair; along nostrils and lips at half the base of the
+# nose, and at 0.63 (outer lip) and 0.27 (inner lip) of the way from the middle of the mouth to its corner.
 _LANDMARKS = (
-    "~R6 ~R7 ~R8+~S8 ~S8 ~S8+~S9 ~S9 ~S9+~M77 ~M77 M78 M77 S9+M77 S9 S8+S9 S8 R8+S8 R7 R6 "
-    "~orbit.5 ~orbit.4 ~orbit.3 ~orbit.2 ~orbit.1 orbit.1 orbit.2 orbit.3 orbit.4 orbit.5 N1 N2 N3 N4 "
+    "~R6 ~R6+~R7 ~R7 ~R8++~R7 ~R8+~S8 ~S8+~S9 ~S9++~M77 ~M77 M78 M77 S9++M77 S8+S9 R8+S8 R8++R7 R7 R6+R7 R6 "
+    "~orbit.5 ~orbit.4++~orbit.5 ~orbit.3++~orbit.4 ~orbit.2++~orbit.3 ~G1+~orbit.1 "
+    "G1+orbit.1 orbit.2++orbit.3 orbit.3++orbit.4 orbit.4++orbit.5 orbit.5 N1 N2 N3 N4 "
     "~W3 ~nostril.3+~nostril.4 N6 nostril.3+nostril.4 W3 ~margin.6 ~margin.4 ~margin.2 ~margin.0 ~margin.10 ~margin.8 "
     "margin.0 margin.2 margin.4 margin.6 margin.8 margin.10 "
     "~border.4 ~border.2+~border.3 ~border.1 border.0 border.1 border.2+border.3 "
@@ -39,15 +41,21 @@ def _vertex(cage: Cage, word: str) -> int:
     return int(cage.twin[left]) if word.startswith("~") else left
 
 
-def landmarks(cage: Cage, mesh: Mesh, edges: dict[tuple[int, int], int]) -> SurfacePoints:
+def _place(cage: Cage, word: str, middles: dict[tuple[int, int], int]) -> int:
+    """The fine vertex of a word: a point, or on the way from one to another, halved as often as there is a plus."""
+    ends = [_vertex(cage, end) for end in word.replace("++", "+").split("+")]
+    first, last = ends[0], ends[-1]
+    for _ in range(word.count("+")):
+        last = middles[min(first, last), max(first, last)]
+    return last
+
+
+def landmarks(cage: Cage, mesh: Mesh, middles: dict[tuple[int, int], int]) -> SurfacePoints:
     """The 68 landmarks, named "0" to "67": 0 on the subject's right jaw, 36 the subject's right outer canthus.
 
-    `edges` gives the vertex in the middle of each edge of the cage.
+    `middles` are those of the surface.
     """
-    vertices = []
-    for word in _LANDMARKS.split():
-        ends = sorted(_vertex(cage, w) for w in word.split("+"))
-        vertices.append(ends[0] if len(ends) == 1 else edges[(ends[0], ends[1])])
+    vertices = [_place(cage, word, middles) for word in _LANDMARKS.split()]
     return SurfacePoints.at_vertices([str(i) for i in range(len(vertices))], np.array(vertices), mesh)
 
 

@@ -72,7 +72,7 @@ LIGHT = np.array([0.68, 0.475, 0.385])  # the lightest skin, and what melanin ta
 MELANIN = np.array([1.32, 1.62, 1.92])
 LIP_OF_LIGHT, LIP_OF_DARK = np.array([0.82, 0.46, 0.52]), np.array([0.94, 0.66, 0.88])  # times the skin
 HAIR = np.array([[0.018, 0.014, 0.012], [0.05, 0.03, 0.02], [0.11, 0.065, 0.04], [0.26, 0.17, 0.095],
-                 [0.19, 0.075, 0.03], [0.24, 0.235, 0.225]])  # black, dark brown, brown, blond, red, grey  # fmt: skip
+                 [0.19, 0.075, 0.03], [0.13, 0.123, 0.115]])  # black, dark brown, brown, blond, red, grey  # fmt: skip
 IRIS = np.array([[0.07, 0.04, 0.025], [0.17, 0.095, 0.045], [0.24, 0.19, 0.09], [0.17, 0.24, 0.15],
                  [0.20, 0.29, 0.38], [0.30, 0.33, 0.34]])  # black, brown, hazel, green, blue, grey  # fmt: skip
 

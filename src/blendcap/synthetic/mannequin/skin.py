@@ -31,6 +31,7 @@ FLUSHED = np.array([0.0, 0.17, 0.15], dtype=np.float32)  # how much of each chan
 SHADED = np.array([0.5, 0.7, 0.55], dtype=np.float32)
 BLOTCHED = np.array([0.6, 1.0, 1.0], dtype=np.float32)
 FRECKLED = np.array([0.22, 0.38, 0.48], dtype=np.float32)
+BROW_LIGHT = 0.10  # of the lightest brow
 WET_RIM, INSIDE, NOSTRIL_INSIDE = (0.55, 0.28, 0.25), (0.16, 0.035, 0.03), (0.05, 0.018, 0.014)
 
 
@@ -59,7 +60,7 @@ def paint_skin(places: np.ndarray, fields: np.ndarray, look: Look) -> np.ndarray
               np.multiply(look.hair, 0.7) + np.multiply(look.skin, 0.12))  # fmt: skip
     lips = fields[:, LIP] > 0.42
     layer(lips, 0.85 * smoothstep(0.42, 0.58, fields[:, LIP]), lambda p: _lip(places[p], fields[p], look))
-    layer((z > 40) & (y > 5) & (y < 35) & (x > 8), lambda p: brow(places[p], look), np.multiply(0.8, look.hair))
+    layer((z > 40) & (y > 5) & (y < 35) & (x > 8), lambda p: brow(places[p], look), _brow_color(look))
     layer(lashes > 0, lashes, np.multiply(0.4, look.hair))
     layer(fields[:, WET] > 0.5, smoothstep(0.5, 0.9, fields[:, WET]) * (1 - lashes), WET_RIM)
     layer(fields[:, MOUTH] > 0.35, smoothstep(0.35, 1.15, fields[:, MOUTH]), INSIDE)
@@ -101,9 +102,9 @@ def _lip(places: np.ndarray, fields: np.ndarray, look: Look) -> np.ndarray:
 def brow(places: np.ndarray, look: Look) -> np.ndarray:
     """Strength (P,) of the brow: an arch from the inner end, painted in strokes that lean outwards."""
     x, y = np.abs(places[:, 0]), places[:, 1]
-    t = (x - 12) / 40
+    t = (x - 12) / 44
     along = np.clip(t, 0, 1)
-    middle = 16.5 + 9.0 * along - 22.0 * np.clip(t - 0.60, 0, 1) ** 1.3
+    middle = 16.5 + 9.0 * along - 44.0 * np.clip(t - 0.60, 0, 1) ** 1.3
     middle += 4 * (look.brow_arch - 1) * np.sin(np.pi * np.clip(along * 0.85, 0, 1))
     leaning = np.stack([x * (1 - 0.45 * along) - y * (0.5 + 0.5 * along), 0.16 * (x + y), 9 * np.sign(places[:, 0])], 1)
     strokes = 1.6 * noise(leaning, 1.1, look.grain + 11)
@@ -111,6 +112,11 @@ def brow(places: np.ndarray, look: Look) -> np.ndarray:
     ends = smoothstep(-0.05, 0.12, t) * smoothstep(1.04, 0.85, t)
     hairs = np.clip(0.78 + 0.3 * strokes, 0.25, 1.1)
     return np.clip(look.brow_density * np.exp(-(across**4)) * ends * hairs, 0, 1)
+
+
+def _brow_color(look: Look) -> np.ndarray:
+    """The hair's, darker; where hair is light, brows are still dark."""
+    return np.asarray(look.hair) * min(0.8, BROW_LIGHT / np.mean(look.hair))
 
 
 def _stubble(places: np.ndarray, look: Look) -> np.ndarray:
@@ -151,8 +157,9 @@ def _cover(places: np.ndarray, look: Look) -> np.ndarray:
 def _strands(places: np.ndarray, look: Look) -> np.ndarray:
     """Linear color (P, 3) of the hair: strands that run back from the forehead and down at the sides."""
     color = np.asarray(look.hair, dtype=np.float32)
-    if look.cut != "short":
-        return np.tile(color, (len(places), 1))
+    if look.cut != "short":  # stubs, some of which are darker: grey hair is salt and pepper
+        stubs = 1 + 1.1 * noise(places, 0.8, look.grain + 13) + 0.3 * noise(places, 0.12, look.grain + 14)
+        return color * np.clip(stubs, 0.2, 1.5)[:, None]
     high = smoothstep(20, 75, places[:, 1])[:, None]
     turned = places * (high * np.array([0.75, 0.3, 0.09]) + (1 - high) * np.array([0.5, 0.1, 0.75]))
     locks = places * np.array([0.09, 0.04, 0.03])

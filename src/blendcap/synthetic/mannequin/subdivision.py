@@ -31,7 +31,8 @@ class Surface:
     chains : tuple of (K,) int64
         The given chains of cage points, refined.
     middles : {(int, int): int}
-        The fine vertex in the middle of each edge of the cage, by its ends, lower first.
+        The fine vertex in the middle of each edge of the cage, by its ends, lower first, and of each edge of what
+        lies between the cage and the surface.
     twins : (V,) int64
         The mirror image of each fine vertex.
     """
@@ -96,7 +97,7 @@ def subdivide(
         step, finer, sharpness, edges = _level(count, quads, sharpness, corners)
         twins = np.concatenate([twins, _twin_edges(edges, twins), len(edges) + count + _twin_quads(quads, twins)])
         quads = finer
-        middles = middles or edges
+        middles |= edges
         chains = [_refined(chain, edges) for chain in chains]
         matrix = sparse.csr_matrix(step @ matrix)
         count = len(twins)
