@@ -24,7 +24,7 @@ from blendcap.makeup.classifier import PatchClassifier
 from blendcap.makeup.curves import _answers, classify
 from blendcap.makeup.training import is_clear, recognized, train_classifier
 from blendcap.makeup.units import PAPER_REGIONS
-from blendcap.metrics import INSIDE
+from blendcap.data.anatomy import is_skin
 from hybrid_data import PEOPLE, UNITS, Filmed, exercise, extremes, lesson, played, table_for, worn
 from results import write_section
 
@@ -189,7 +189,7 @@ def _judged(filmed: Filmed, truth, answer: Animation) -> tuple[str, list[float]]
     true = truth.performer.act(truth.animation)
     judged = blendcap.evaluate(answer, true, filmed.rig, truth_rig=truth.performer.rig)
     regions = judged.by_region_mm
-    others = [error for name, error in regions.items() if name not in READ + INSIDE + ("upper", "lower")]
+    others = [error for name, error in regions.items() if is_skin(name) and name not in (*READ, "upper", "lower")]
     numbers = [regions[name] for name in READ] + [float(np.mean(others))]
     shut = _shut(answer, truth.animation)
     return " | ".join([*(f"{n:.2f}" for n in numbers), shut, f"{judged.roughness_ratio:.2f}"]), numbers

@@ -16,6 +16,7 @@ import numpy as np
 
 from accuracy_data import DATA, FACE
 from blendcap import Mesh, Rig, mannequin, solve_box
+from blendcap.data.anatomy import inside_vertices
 from blendcap.io.ict import read_ict_pack
 from blendcap.modeling.contacts import find_contacts, gaps
 from blendcap.modeling.examples import refine
@@ -25,7 +26,6 @@ from results import write_section
 
 PEOPLE = range(21, 31)
 CLOSED = {"lids_left": ("eyeBlink_L",), "lids_right": ("eyeBlink_R",), "lips_jaw_open": ("jawOpen", "mouthClose")}
-INSIDE = ("eyes", "teeth", "tongue", "mouth", "sockets")
 WEIGHT_NOISE, ROUGH, SMOOTH, REACH = 0.07, 0.05, 0.2, 40.0  # of the weights; mm, mm, mm
 
 
@@ -135,8 +135,7 @@ def table_of_examples(template: Rig, shapes: int, strength: float) -> str:
         scans += ROUGH * rng.normal(size=scans.shape)
         examples = [start.mesh.with_vertices(scan) for scan in scans]
         given = np.clip(asked + WEIGHT_NOISE * rng.normal(size=asked.shape) * (asked > 0), 0, 1)
-        inside = np.concatenate([start.regions[name] for name in INSIDE])
-        skin = np.setdiff1d(start.moving_vertices(1.0), inside)
+        skin = np.setdiff1d(start.moving_vertices(1.0), np.flatnonzero(inside_vertices(start)))
         answers = {
             "transfer alone": start,
             "Eq. 27 to 29, weights given": refine(start, examples, given, method="paper").rig,

@@ -8,7 +8,7 @@ import pytest
 
 from blendcap.data import InputError, Mesh, triangulate
 from blendcap.io import describe, read_mesh, read_rig, write_mesh
-from blendcap.io.ict import NEUTRAL, read_ict_pack
+from blendcap.io.ict import _PARTS, NEUTRAL, _regions, read_ict_pack
 from test_io_gltf import small_rig
 
 CUBE = """# a comment
@@ -147,6 +147,13 @@ def test_the_original_ict_folder_is_in_centimetres_and_skips_identities(tmp_path
     np.testing.assert_allclose(back.points["landmarks3"].positions(back.mesh), back.mesh.vertices[[3, 1, 2]])
 
 
+def assert_regions_are_those_of_the_folder(pack):
+    parts = _regions({name: np.arange(first, last + 1) for name, (first, last) in _PARTS.items()})
+    assert set(parts) == set(pack.regions) - {"narrow_face"}
+    for name, vertices in parts.items():
+        np.testing.assert_array_equal(vertices, pack.regions[name])
+
+
 def test_the_real_ict_pack(data):
     path = data("rigs/ict_facekit.npz")
     rig = read_rig(path)
@@ -160,6 +167,7 @@ def test_the_real_ict_pack(data):
     assert rig.mesh.vertices[np.abs(left).max(1) > 1, 0].min() > 0
     assert rig.names[rig.mirror[rig.index("jawLeft")]] == "jawRight"
     assert set(rig.regions["eyes"]) == set(range(21451, 24591))
+    assert_regions_are_those_of_the_folder(rig)
     person = read_ict_pack(path, np.array([1.0, -1.0]))
     assert 0.5 < np.abs(person.mesh.vertices - rig.mesh.vertices).max() < 100
     with pytest.raises(InputError, match="up to 100 coefficients"):

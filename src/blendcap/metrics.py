@@ -12,9 +12,9 @@ import numpy as np
 from scipy.signal import find_peaks
 
 from blendcap.data import Animation, InputError, Rig
+from blendcap.data.anatomy import inside_vertices
 from blendcap.data.names import canonical
 
-INSIDE = ("eyes", "teeth", "tongue", "mouth", "sockets")  # regions that are not the face's skin
 ACTIVE = 0.02  # a weight above this counts as used
 BLINK_WIDTH = 0.5  # seconds, at half height; longer is a closed eye, not a blink
 BLINK_REACH = 0.35  # seconds on both sides of the peak
@@ -30,8 +30,8 @@ class Metrics:
     frames : int
     vertex_rmse_mm : float
         Root of the mean squared distance over the moving face in each frame, averaged over frames. The face is what
-        any shape moves by more than 0.5 mm, without eyes, teeth, tongue and the inside of the mouth if the rig
-        names these regions.
+        any shape moves by more than 0.5 mm, without eyes, teeth, tongue, lashes and the inside of the mouth where
+        the names of the rig's regions tell them.
     by_region_mm : {region: float}
         The same over the moving vertices of each region.
     weight_mae : float
@@ -95,8 +95,7 @@ def evaluate(answer: Animation, truth: Animation, rig: Rig, *, truth_rig: Rig | 
     answered, true = _weights(answer, rig, "answer"), _weights(truth, true_rig, "truth")
     true_on_rig = _weights(truth, rig, "truth", known=true_rig)
     moving = rig.moving_vertices()
-    inside = [rig.regions[name] for name in INSIDE if name in rig.regions]
-    face = np.setdiff1d(moving, np.concatenate(inside)) if inside else moving
+    face = moving[~inside_vertices(rig)[moving]]
     errors = {name: _rmse(rig, true_rig, answered, true, np.intersect1d(vertices, moving))
               for name, vertices in rig.regions.items()}  # fmt: skip
     roughness, roughness_truth = _roughness(answered), _roughness(true_on_rig)

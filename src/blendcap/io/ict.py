@@ -16,6 +16,26 @@ from blendcap.io.opening import read_json, reading
 
 NEUTRAL = "generic_neutral_mesh.obj"
 _CENTIMETRES = 10.0
+_PARTS = {  # the first and the last vertex of what the full mesh is made of, as ICT-FaceKit lists them
+    "Face": (0, 9408),
+    "HeadAndNeck": (9409, 11247),
+    "MouthSocket": (11248, 13293),
+    "EyeSocketLeft": (13294, 13677),
+    "EyeSocketRight": (13678, 14061),
+    "GumsAndTongue": (14062, 17038),
+    "Teeth": (17039, 21450),
+    "EyeballLeft": (21451, 23020),
+    "EyeballRight": (23021, 24590),
+    "LacrimalFluidLeft": (24591, 24794),
+    "LacrimalFluidRight": (24795, 24998),
+    "EyeBlendLeft": (24999, 25022),
+    "EyeBlendRight": (25023, 25046),
+    "EyeOcclusionLeft": (25047, 25198),
+    "EyeOcclusionRight": (25199, 25350),
+    "EyelashesLeft": (25351, 26034),
+    "EyelashesRight": (26035, 26718),
+}
+_VERTICES = 26719  # of the full mesh
 
 
 def read_ict_pack(path: str | os.PathLike, identity: np.ndarray | None = None) -> Rig:
@@ -51,12 +71,14 @@ def read_ict_folder(path: str | os.PathLike) -> Rig:
     shapes = [f for f in path.glob("*.obj") if f.name != NEUTRAL and not re.match(r"identity\d+$", f.stem)]
     shapes.sort(key=lambda file: file.name)
     mesh, deltas = read_shapes(path / NEUTRAL, shapes, _CENTIMETRES)
+    parts = _PARTS if len(mesh.vertices) == _VERTICES else {}
+    regions = _regions({name: np.arange(first, last + 1) for name, (first, last) in parts.items()})
     names = tuple(file.stem for file in shapes)
     notes, points = path / "vertex_indices.json", {}
     with reading(path, "ICT-FaceKit folder"):
         if notes.exists():
             points = _landmarks(np.array(read_json(notes)["idx_to_landmark_verts"], np.int64), mesh)
-        return Rig(mesh, deltas, names, mirror=mirror_map(names), points=points, name="ICT-FaceKit")
+        return Rig(mesh, deltas, names, mirror=mirror_map(names), points=points, regions=regions, name="ICT-FaceKit")
 
 
 def _identity(modes: np.ndarray, coefficients: np.ndarray) -> np.ndarray:

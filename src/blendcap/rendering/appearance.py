@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from blendcap.data import Rig
+from blendcap.data.anatomy import clear_vertices
 
 SKIN = np.array([0.80, 0.64, 0.56])  # sRGB, as all colors here
 SCLERA, IRIS, PUPIL = np.array([0.90, 0.88, 0.86]), np.array([0.36, 0.42, 0.44]), np.array([0.05, 0.05, 0.06])
@@ -15,12 +16,6 @@ PALETTE = {  # a word in the region's name, in the order of painting
     "teeth": np.array([0.90, 0.87, 0.80]),
     "hair": np.array([0.28, 0.21, 0.17]),
 }
-HIDDEN_WORDS = (
-    "lash",
-    "occlusion",
-    "lacrimal",
-    "eyeblend",
-)  # clear layers: only a renderer with transparency has a use
 IRIS_ANGLE, PUPIL_ANGLE = 0.50, 0.20  # rad from the axis of the eye
 
 
@@ -41,17 +36,8 @@ def default_colors(rig: Rig) -> np.ndarray | None:
         for name, vertices in rig.regions.items():
             if word in name.lower().replace("_", ""):
                 colors[vertices] = color
-    colors[hidden_vertices(rig)] = np.nan
+    colors[clear_vertices(rig)] = np.nan
     return colors
-
-
-def hidden_vertices(rig: Rig) -> np.ndarray:
-    """Which vertices (V,) belong to lashes and to clear layers over the eye, by the names of the rig's regions."""
-    hidden = np.zeros(len(rig.mesh.vertices), dtype=bool)
-    for name, vertices in rig.regions.items():
-        if any(word in name.lower().replace("_", "") for word in HIDDEN_WORDS):
-            hidden[vertices] = True
-    return hidden
 
 
 def globe_of(points: np.ndarray) -> tuple[np.ndarray, float] | None:

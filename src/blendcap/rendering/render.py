@@ -9,7 +9,7 @@ import numpy as np
 
 from blendcap.data import Camera, InputError, Mesh, Rig
 from blendcap.numerics.surfaces import vertex_normals
-from blendcap.rendering.appearance import SKIN, default_colors, hidden_vertices
+from blendcap.rendering.appearance import SKIN, default_colors
 from blendcap.rendering.camera import to_homogeneous
 from blendcap.rendering.color import to_linear
 from blendcap.rendering.light import box, light_camera, openness, shadow_map
@@ -133,7 +133,7 @@ def prepare(
 def prepare_rig(rig: Rig) -> Surface:
     """The neutral of a rig, ready for `shaped`, in its texture or, if it has none, in `default_colors`."""
     slopes = blended_slopes(rig, np.zeros(len(rig.names)))
-    return prepare(rig.mesh, default_colors(rig), slopes=slopes, hidden=hidden_vertices(rig))
+    return prepare(rig.mesh, default_colors(rig), slopes=slopes, hidden=clear_vertices(rig))
 
 
 def shaped(neutral: Surface, rig: Rig, weights: np.ndarray, sky: np.ndarray | None = None) -> Surface:

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from blendcap.data import InputError, Rig, landmarks68
-from blendcap.rendering.appearance import HIDDEN_WORDS, globe_of
+from blendcap.data.anatomy import CLEAR
+from blendcap.rendering.appearance import globe_of
 from blendcap.synthetic.canvas import bled, canvas_of, developed
 from blendcap.synthetic.charts import in_one_picture
 from blendcap.synthetic.mannequin.identity import GLOBE_RADIUS
@@ -23,7 +24,7 @@ LAYERS = np.array([0, 1, 2, 2, 2, 0, 0, -1])  # kinds of one layer do not lie ov
 BACK = 0.8  # of the way from the gaze to the back of an eyeball
 CORNEA = 1.03  # of the globe's radius: what stands out further is the cornea
 _WORDS = ((SOCKET, ("socket",)), (MOUTH, ("mouthsocket", "mouthbag")), (TONGUES, ("tongue",)), (GUMS, ("gum",)),
-          (TEETH, ("teeth", "tooth")), (UNSEEN, HIDDEN_WORDS))  # fmt: skip
+          (TEETH, ("teeth", "tooth")), (UNSEEN, CLEAR))  # fmt: skip
 
 
 def paint_face(rig: Rig, look: Look | int = 0, *, size: int = 1024) -> Rig:

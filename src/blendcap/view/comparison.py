@@ -11,7 +11,8 @@ import numpy as np
 
 from blendcap.data import Animation, InputError, Rig, Solution
 from blendcap.io.video_write import write_video
-from blendcap.metrics import INSIDE, evaluate
+from blendcap.data.anatomy import is_skin
+from blendcap.metrics import evaluate
 from blendcap.view import page
 from blendcap.view.posing import weights_on
 from blendcap.view.preview import one_of, picture_frames
@@ -25,7 +26,7 @@ MOST_CURVES = 12
 CHANGED = 0.01  # a weight that changes by less is as it was
 PICTURE = (600, 600)
 PICTURES, APART = 3, 1.0  # frames that are shown, and seconds between them at least
-HIDDEN = (*INSIDE, "upper", "lower")  # halves of the face hold all other regions
+HALVES = ("upper", "lower")  # of the face: they hold all other regions
 
 
 def comparison(rig: Rig, alone: Solution, hybrid: Solution, patches: Animation | None = None) -> str:
@@ -114,7 +115,7 @@ def _check(alone: Animation, hybrid: Animation) -> None:
 
 def _regions(rig: Rig, alone: Solution, hybrid: Solution) -> list[list[str]]:
     apart = evaluate(hybrid.animation, alone.animation, rig).by_region_mm
-    shown = {name: error for name, error in apart.items() if name not in HIDDEN}
+    shown = {name: error for name, error in apart.items() if is_skin(name) and name not in HALVES}
     return [[name, f"{shown[name]:.2f} mm"] for name in sorted(shown, key=lambda name: -shown[name])]
 
 
