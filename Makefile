@@ -46,7 +46,7 @@ types: $(STAMP)  ## pyright
 
 check: lint types test  ## what to run before a commit
 
-bench: $(STAMP)  ## the benchmarks, with every peer; writes benchmarks/RESULTS.md
+bench: $(STAMP)  ## the benchmarks of the solves, with every peer; RESULTS.md names the commands of all
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[bench]'
 	@$(BIN)/python benchmarks/box_solvers.py
 	@$(BIN)/python benchmarks/accuracy.py

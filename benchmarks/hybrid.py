@@ -19,12 +19,12 @@ import numpy as np
 
 import blendcap
 from blendcap import Animation, SolveSettings
+from blendcap.data.anatomy import is_skin
 from blendcap.data.names import match
 from blendcap.makeup.classifier import PatchClassifier
 from blendcap.makeup.curves import _answers, classify
 from blendcap.makeup.training import is_clear, recognized, train_classifier
 from blendcap.makeup.units import PAPER_REGIONS
-from blendcap.data.anatomy import is_skin
 from hybrid_data import PEOPLE, UNITS, Filmed, exercise, extremes, lesson, played, table_for, worn
 from results import write_section
 

@@ -205,8 +205,8 @@ def unknown_ending_of_the_second_output(folder, rig, truth):
 def rig_of_unknown_ending(folder, rig, truth):
     (folder / "rig.fbx").write_bytes(b"Kaydara FBX Binary  \x00")
     sentence = (
-        "rig.fbx has an ending that is not known: rigs are .glb, .gltf, .npz or a folder of .obj; meshes .obj, "
-        ".ply, .stl, .glb; markers .c3d, .trc, .csv; animations .csv, .npz, .glb."
+        "rig.fbx has an ending that is not known: mesh .obj, .ply, .stl, .glb, .gltf; rig .glb, .gltf, .npz; "
+        "markers .c3d, .trc, .csv; animation .csv, .npz, .glb, .gltf; a rig may be a folder of .obj too."
     )
     return ["info", "rig.fbx"], sentence
 

@@ -27,7 +27,7 @@ def test_elsewhere_than_on_a_terminal_a_step_is_one_line(capsys):
     progress = Progress()
     play(progress)
     assert capsys.readouterr() == ("Read the take\nSolve 3 frames\n", "")
-    assert list(progress.seconds) == ["read", "solve"] and all(s >= 0 for s in progress.seconds.values())
+    assert list(progress.seconds) == ["read", "solve"]
 
 
 def test_a_quiet_step_says_nothing(capsys):

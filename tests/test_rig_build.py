@@ -51,13 +51,11 @@ def test_a_scan_becomes_a_rig_with_the_shapes_of_the_template(folder, capsys):
     facts = json.loads(capsys.readouterr().out)
     actor = blendcap.read_rig(folder / "actor.npz")
     assert actor.names == ("browInnerUp",)
-    missed = np.linalg.norm(actor.mesh.vertices - masks.mask(PARAMETERS, **OTHER), axis=1)
     turned = Mesh(masks.mask(PARAMETERS, **OTHER), TEMPLATE.faces)
     inner = (np.abs(PARAMETERS) < 0.8).all(1)
     shift = (actor.mesh.vertices - turned.vertices)[inner].mean(0)  # the rig stands where the template stands
     assert np.linalg.norm(actor.mesh.vertices - turned.vertices - shift, axis=1)[inner].mean() < 2
     assert facts["flipped"] == 0 and facts["median_mm"] < 0.3 and facts["unit_mm"] == 1
-    assert missed.shape == (len(TEMPLATE.vertices),)
     page = (folder / "actor.html").read_text(encoding="utf-8")
     assert "http" not in page.replace("http://www.w3.org", "") and page.count("<img") >= 5
 

@@ -273,3 +273,16 @@ def test_icts_lids_and_lips_close_on_ten_people(data):
             rig = transfer_rig(template, person.mesh, method=method)
             over = [(gaps(posed(rig, **pose), contacts[name]) - own[name]).max() for name, pose in poses.items()]
             assert (max(over) <= 0.2) == (method == "contact"), (seed, method, over)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_the_face_keeps_its_own_pictures(method):
+    rig = sheet_rig()
+    face = other_face(rig)
+    skin, bumps = np.random.default_rng(0).integers(0, 255, (2, 4, 4, 3), dtype=np.uint8)
+    uv, uv_faces = face.vertices[:, :2] / 200 % 1, face.faces
+    dressed = Mesh(face.vertices, face.faces, face.polygons, uv, uv_faces, skin, bumps)
+    given = transfer_rig(rig, dressed, method=method).mesh
+    np.testing.assert_array_equal(given.texture, skin)
+    np.testing.assert_array_equal(given.normal_map, bumps)
+    np.testing.assert_array_equal(given.uv, uv)

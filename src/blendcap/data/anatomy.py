@@ -1,4 +1,4 @@
-"""What the vertices of a rig are a part of, told by words in the names of its regions: rigs of other hands name alike."""
+"""What the vertices of any rig are a part of, told by words in the names of its regions: other hands name alike."""
 
 from __future__ import annotations
 
@@ -8,7 +8,12 @@ from blendcap.data.rig import Rig
 
 INSIDE = ("socket", "mouthbag", "tongue", "gum", "teeth", "tooth", "eyeball", "globe")
 INSIDE_WHOLE = ("eye", "eyes", "mouth")  # these only as whole names: a region "around the mouth" is skin
-CLEAR = ("lash", "occlusion", "lacrimal", "eyeblend")  # layers before the eye: only a renderer with transparency has a use
+CLEAR = (
+    "lash",
+    "occlusion",
+    "lacrimal",
+    "eyeblend",
+)  # layers before the eye: only a renderer with transparency has a use
 
 
 def is_skin(region: str) -> bool:

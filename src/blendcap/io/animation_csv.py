@@ -8,9 +8,8 @@ import os
 import numpy as np
 
 from blendcap.data import Animation, InputError, Rig
-from blendcap.io.opening import reading
 from blendcap.io.rates import stated_rate
-from blendcap.io.tables import Table, read_table, write_table
+from blendcap.io.tables import Table, write_table
 
 _INFLUENCE = ":influence"
 _TIMES = ("time", "time_s")
@@ -18,17 +17,11 @@ _TIMES = ("time", "time_s")
 _log = logging.getLogger(__name__)
 
 
-def read_animation_csv(path: str | os.PathLike) -> Animation:
-    """Read our animation CSV: columns `<shape>`, and `<shape>:influence` for the confidence.
+def animation_of_table(table: Table) -> Animation:
+    """The animation that a table in our form holds: columns `<shape>`, and `<shape>:influence` for the confidence.
 
     The rate is the line `# rate:` or, without it, that of the column `time`. One of the two must be there.
     """
-    with reading(path, "CSV file"):
-        return animation_of_table(read_table(path))
-
-
-def animation_of_table(table: Table) -> Animation:
-    """The animation that a table in our form holds."""
     time = next((name for name in _TIMES if name in table.header), None)
     curves = [name for name in table.header if name not in ("frame", time)]
     names = [name for name in curves if not name.endswith(_INFLUENCE)]

@@ -6,18 +6,15 @@ import os
 
 import numpy as np
 
-from blendcap.data import Animation, InputError
-from blendcap.io.npz import read_meta, read_npz, write_npz
+from blendcap.data import Animation
+from blendcap.io.npz import read_kind, write_npz
 from blendcap.io.opening import reading
 
 
 def read_animation_npz(path: str | os.PathLike) -> Animation:
     """An animation from an archive that `write_animation_npz` wrote."""
     with reading(path, "animation archive"):
-        arrays = read_npz(path)
-        meta = read_meta(arrays, path)
-        if meta.get("kind") != "animation":
-            raise InputError(f"{path} is no animation archive (its meta says {meta.get('kind', 'nothing')!r}).")
+        meta, arrays = read_kind(path, "animation")
         names = tuple(str(name) for name in arrays["names"])
         notes = {str(k): str(v) for k, v in meta.get("meta", {}).items()}
         optional = (arrays.get("head"), arrays.get("confidence"), arrays["times"])

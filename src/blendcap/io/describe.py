@@ -25,20 +25,18 @@ def read_any(path: str | os.PathLike) -> Record:
     if path.is_dir():
         return formats.read_rig(path)
     kind = existing_file(path).suffix.lower()
-    if kind in (".c3d", ".trc"):
-        return formats.read_markers(path)
-    if kind in (".glb", ".gltf"):
-        return formats.read_rig(path) if _has_targets(path) else formats.read_mesh(path)
-    if kind in (".obj", ".ply", ".stl"):
-        return formats.read_mesh(path)
-    if kind == ".npz":
-        return formats.read_animation(path) if "weights" in npz_names(path) else formats.read_rig(path)
     if kind == ".csv":
         return _table_record(path)
-    raise InputError(
-        f"{path} has an ending that is not known: rigs are .glb, .gltf, .npz or a folder of .obj; "
-        "meshes .obj, .ply, .stl, .glb; markers .c3d, .trc, .csv; animations .csv, .npz, .glb."
-    )
+    if kind == ".npz":
+        return formats.read_animation(path) if "weights" in npz_names(path) else formats.read_rig(path)
+    if kind in formats.GLTF:
+        return formats.read_rig(path) if _has_targets(path) else formats.read_mesh(path)
+    if kind in formats.READ["markers"]:
+        return formats.read_markers(path)
+    if kind in formats.READ["mesh"]:
+        return formats.read_mesh(path)
+    known = "; ".join(f"{record} {', '.join(endings)}" for record, endings in formats.READ.items())
+    raise InputError(f"{path} has an ending that is not known: {known}; a rig may be a folder of .obj too.")
 
 
 def describe(path: str | os.PathLike) -> dict[str, Any]:

@@ -26,6 +26,21 @@ from blendcap.io.trc import read_trc, write_trc
 from blendcap.io.units import millimetres, warn_if_not_a_head
 
 LIVE_LINK = ".livelink.csv"
+GLTF = (".glb", ".gltf")
+MARKERS = {".c3d": (read_c3d, write_c3d), ".trc": (read_trc, write_trc), ".csv": (read_marker_csv, write_marker_csv)}
+READ = {  # the endings that a record is read from
+    "mesh": (".obj", ".ply", ".stl", *GLTF),
+    "rig": (*GLTF, ".npz"),
+    "markers": tuple(MARKERS),
+    "animation": (".csv", ".npz", *GLTF),
+}
+WRITTEN = {  # and those that it is written to
+    "mesh": (".obj", ".ply", ".stl", ".glb"),
+    "rig": (".glb", ".npz"),
+    "markers": tuple(MARKERS),
+    "animation": (LIVE_LINK, ".csv", ".npz", ".glb"),
+}
+_A = {"mesh": "a mesh", "rig": "a rig", "markers": "markers", "animation": "an animation"}
 
 
 def read_mesh(path: str | os.PathLike, unit: str | None = None) -> Mesh:
@@ -36,9 +51,19 @@ def read_mesh(path: str | os.PathLike, unit: str | None = None) -> Mesh:
     path : path
     unit : str, optional
         Unit of length of a file that states none (OBJ, PLY, STL): mm if not given. glTF is metres by definition.
+
+    Returns
+    -------
+    mesh : Mesh
+        In mm. A size that no head has brings a warning.
+
+    Raises
+    ------
+    InputError
+        If there is no such file, it is broken, or its ending or the unit is not known.
     """
-    kind = _ending(path, "read a mesh", (".obj", ".ply", ".stl", ".glb", ".gltf"))
-    if kind in (".glb", ".gltf"):
+    kind = _reading(path, "mesh")
+    if kind in GLTF:
         return read_glb_mesh(path)
     scale = millimetres(unit or "mm", str(path))
     mesh = read_obj(path, scale) if kind == ".obj" else read_scan(path, scale)
@@ -54,6 +79,16 @@ def read_rig(path: str | os.PathLike, unit: str | None = None) -> Rig:
     path : path
     unit : str, optional
         Unit of length of a folder of OBJ files: mm if not given. The ICT-FaceKit folder is known to be in cm.
+
+    Returns
+    -------
+    rig : Rig
+        In mm, with the normal maps that lie beside a .glb.
+
+    Raises
+    ------
+    InputError
+        If there is no such file or folder, it is broken, has no shapes, or its shapes do not share their vertices.
     """
     if Path(path).is_dir():
         if (Path(path) / NEUTRAL).exists():
@@ -61,21 +96,48 @@ def read_rig(path: str | os.PathLike, unit: str | None = None) -> Rig:
         rig = read_obj_folder(path, millimetres(unit or "mm", str(path)))
         warn_if_not_a_head(rig.mesh.vertices, str(path))
         return rig
-    kind = _ending(path, "read a rig", (".glb", ".gltf", ".npz"), "a folder of OBJ files")
+    kind = _reading(path, "rig", "a folder of OBJ files")
     if kind != ".npz":
         return with_normal_maps(path, read_glb_rig(path))
     return read_ict_pack(path) if "expression_deltas" in npz_names(path) else read_rig_npz(path)
 
 
 def read_markers(path: str | os.PathLike, unit: str | None = None) -> MarkerTake:
-    """Read a marker take: .c3d, .trc, .csv (ours); `unit` overrides the unit that the file states."""
-    kind = _ending(path, "read markers", (".c3d", ".trc", ".csv"))
-    return {".c3d": read_c3d, ".trc": read_trc, ".csv": read_marker_csv}[kind](path, unit)
+    """Read a marker take: .c3d, .trc, .csv (ours).
+
+    Parameters
+    ----------
+    path : path
+    unit : str, optional
+        Unit of length, in place of the one that the file states.
+
+    Returns
+    -------
+    take : MarkerTake
+        In mm; NaN where a marker is missing.
+
+    Raises
+    ------
+    InputError
+        If there is no such file, it is broken or empty, or states no unit and none is given.
+    """
+    return MARKERS[_reading(path, "markers")][0](path, unit)
 
 
 def read_animation(path: str | os.PathLike) -> Animation:
-    """Read weights over time: .csv (ours, or Live Link Face by its header), .npz, .glb, .gltf."""
-    kind = _ending(path, "read an animation", (".csv", ".npz", ".glb", ".gltf"))
+    """Read weights over time: .csv (ours, or Live Link Face by its header), .npz, .glb, .gltf.
+
+    Returns
+    -------
+    animation : Animation
+        With head motion and confidence where the format holds them; times in s.
+
+    Raises
+    ------
+    InputError
+        If there is no such file, it is broken, or holds no curves or no rate.
+    """
+    kind = _reading(path, "animation")
     if kind == ".npz":
         return read_animation_npz(path)
     if kind != ".csv":
@@ -86,8 +148,14 @@ def read_animation(path: str | os.PathLike) -> Animation:
 
 
 def write_mesh(path: str | os.PathLike, mesh: Mesh) -> None:
-    """Write a surface: .obj, .ply, .stl (mm), .glb (metres)."""
-    kind = _ending(path, "write a mesh", (".obj", ".ply", ".stl", ".glb"))
+    """Write a surface: .obj, .ply, .stl (mm), .glb (metres).
+
+    Raises
+    ------
+    InputError
+        If the ending is not known or the file cannot be written; what was there before stays.
+    """
+    kind = _writing(path, "mesh")
     {".obj": write_obj, ".glb": write_glb_mesh}.get(kind, write_scan)(path, mesh)
 
 
@@ -95,8 +163,14 @@ def write_rig(path: str | os.PathLike, rig: Rig, animation: Animation | None = N
     """Write a rig: .glb, with an animation if one is given, or .npz without.
 
     The normal maps of shapes go into a folder beside the .glb (see `normal_maps`); an .npz holds them itself.
+
+    Raises
+    ------
+    InputError
+        If the ending is not known, the file cannot be written (what was there before stays), or the animation has
+        shapes that the rig lacks.
     """
-    kind = _ending(path, "write a rig", (".glb", ".npz"))
+    kind = _writing(path, "rig")
     if kind == ".glb":
         write_glb_rig(path, rig, animation)
         write_normal_maps(path, rig)
@@ -107,14 +181,25 @@ def write_rig(path: str | os.PathLike, rig: Rig, animation: Animation | None = N
 
 
 def write_markers(path: str | os.PathLike, take: MarkerTake) -> None:
-    """Write a marker take: .c3d, .trc, .csv, all in mm."""
-    kind = _ending(path, "write markers", (".c3d", ".trc", ".csv"))
-    {".c3d": write_c3d, ".trc": write_trc, ".csv": write_marker_csv}[kind](path, take)
+    """Write a marker take: .c3d, .trc, .csv, all in mm.
+
+    Raises
+    ------
+    InputError
+        If the ending is not known or the file cannot be written; what was there before stays.
+    """
+    MARKERS[_writing(path, "markers")][1](path, take)
 
 
 def write_animation(path: str | os.PathLike, animation: Animation, rig: Rig | None = None) -> None:
-    """Write weights over time: .csv, .livelink.csv (Live Link Face), .npz, .glb (needs the rig)."""
-    kind = _ending(path, "write an animation", (LIVE_LINK, ".csv", ".npz", ".glb"))
+    """Write weights over time: .csv, .livelink.csv (Live Link Face), .npz, .glb (needs the rig).
+
+    Raises
+    ------
+    InputError
+        If the ending is not known, the file cannot be written (what was there before stays), or a .glb has no rig.
+    """
+    kind = _writing(path, "animation")
     if kind == LIVE_LINK:
         write_live_link(path, animation)
     elif kind == ".csv":
@@ -127,15 +212,25 @@ def write_animation(path: str | os.PathLike, animation: Animation, rig: Rig | No
         write_glb_rig(path, rig, animation)
 
 
-def _ending(path: str | os.PathLike, task: str, endings: tuple[str, ...], also: str = "") -> str:
-    """The ending of `path` among `endings`, in small letters."""
-    name = Path(path).name.lower()
-    for ending in endings:
-        if name.endswith(ending):
-            return ending
-    if task.startswith("read"):
+def _reading(path: str | os.PathLike, record: str, also: str = "") -> str:
+    """The ending of a file to read, in small letters."""
+    kind = _ending(path, READ[record])
+    if kind is None:
         existing_file(path)
-    known = ", ".join(endings) + (f" or {also}" if also else "")
-    raise InputError(f"Cannot {task} from {path}: its ending is not one of {known}; convert it first."
-                     if task.startswith("read")
-                     else f"Cannot {task} to {path}: its ending must be one of {known}.")  # fmt: skip
+        known = ", ".join(READ[record]) + (f" or {also}" if also else "")
+        raise InputError(f"Cannot read {_A[record]} from {path}: its ending is not one of {known}; convert it first.")
+    return kind
+
+
+def _writing(path: str | os.PathLike, record: str) -> str:
+    """The ending of a file to write, in small letters."""
+    kind = _ending(path, WRITTEN[record])
+    if kind is None:
+        known = ", ".join(WRITTEN[record])
+        raise InputError(f"Cannot write {_A[record]} to {path}: its ending must be one of {known}.")
+    return kind
+
+
+def _ending(path: str | os.PathLike, endings: tuple[str, ...]) -> str | None:
+    name = Path(path).name.lower()
+    return next((ending for ending in endings if name.endswith(ending)), None)

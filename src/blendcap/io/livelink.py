@@ -11,9 +11,8 @@ import numpy as np
 
 from blendcap.data import Animation, InputError
 from blendcap.data.names import ARKIT52, HEAD_AND_EYES, in_vocabulary, match
-from blendcap.io.opening import reading
 from blendcap.io.rates import rate_of_times
-from blendcap.io.tables import Table, read_table, write_table
+from blendcap.io.tables import Table, write_table
 
 _BASES = (24, 25, 30, 48, 50, 60, 100, 120)
 _TIMECODE = re.compile(r"(\d+):(\d+):(\d+)[:;](\d+(?:\.\d+)?)$")
@@ -28,18 +27,13 @@ def is_live_link(table: Table) -> bool:
     return bool(table.header) and table.header[0].lower() == "timecode"
 
 
-def read_live_link(path: str | os.PathLike) -> Animation:
-    """Read a Live Link Face CSV. Columns are found by name, and named in camelCase (`eyeBlinkLeft`, `headYaw`).
-
-    Times come from the timecode and keep dropped frames; of frames with the same timecode the last counts. The angles
-    of head and eyes stay what they are, numbers in the app's own unit, beside the shapes.
-    """
-    with reading(path, "Live Link Face CSV"):
-        return animation_of_live_link(read_table(path))
-
-
 def animation_of_live_link(table: Table) -> Animation:
-    """The animation that a Live Link Face table holds."""
+    """The animation that a Live Link Face table holds.
+
+    Columns are found by name, and named in camelCase (`eyeBlinkLeft`, `headYaw`). Times come from the timecode and keep
+    dropped frames; of frames with the same timecode the last counts. The angles of head and eyes stay what they are,
+    numbers in the app's own unit, beside the shapes.
+    """
     columns = [name for name in table.header if name.lower() not in _BESIDE]
     if not columns:
         raise InputError(f"{table.where} has a timecode, but no columns of shapes; record it again.")

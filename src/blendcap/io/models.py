@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from blendcap.data import InputError
-from blendcap.io.npz import read_meta, read_npz, write_npz
+from blendcap.io.npz import read_kind, write_npz
 from blendcap.io.opening import reading
 
 
@@ -25,13 +25,9 @@ def write_model(
 def read_model(path: str | os.PathLike, kind: str, version: int) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     """The meta and the arrays of a model; refuses a file of another kind, or of a version that is not known."""
     with reading(path, "model"):
-        arrays = read_npz(path)
-        meta = read_meta(arrays, path)
-        if meta.get("kind") != kind:
-            raise InputError(f"{path} is not a {kind} (its meta says {meta.get('kind')!r}); give the file of one.")
+        meta, arrays = read_kind(path, kind)
         if meta.get("version") != version:
             raise InputError(
                 f"{path} is a {kind} of version {meta.get('version')!r}, but {version} is read here; make it anew."
             )
-        arrays.pop("meta")
     return meta, arrays

@@ -36,6 +36,18 @@ def read_npz(path: str | os.PathLike) -> dict[str, np.ndarray]:
             raise InputError(f"Cannot read {path}: it is no whole .npz archive ({error}).") from error
 
 
+def read_kind(path: str | os.PathLike, kind: str) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """The meta and the arrays of an archive of a kind (`"rig"`); refuses a file of another."""
+    arrays = read_npz(path)
+    meta = read_meta(arrays, path)
+    if meta.get("kind") != kind:
+        raise InputError(
+            f"{path} is not a {kind} of ours (its meta says {meta.get('kind', 'nothing')!r}); give the file of one."
+        )
+    arrays.pop("meta", None)
+    return meta, arrays
+
+
 def read_meta(arrays: dict[str, np.ndarray], path: str | os.PathLike) -> dict[str, Any]:
     """The JSON object `meta` of an archive; empty if there is none."""
     if "meta" not in arrays:

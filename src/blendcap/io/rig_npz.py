@@ -6,8 +6,8 @@ import os
 
 import numpy as np
 
-from blendcap.data import InputError, Mesh, Rig, triangulate
-from blendcap.io.npz import read_meta, read_npz, write_npz
+from blendcap.data import Mesh, Rig, triangulate
+from blendcap.io.npz import read_kind, write_npz
 from blendcap.io.opening import reading
 from blendcap.io.rig_meta import rig_fields, rig_meta
 
@@ -15,10 +15,7 @@ from blendcap.io.rig_meta import rig_fields, rig_meta
 def read_rig_npz(path: str | os.PathLike) -> Rig:
     """A rig from an archive that `write_rig_npz` wrote."""
     with reading(path, "rig archive"):
-        arrays = read_npz(path)
-        meta = read_meta(arrays, path)
-        if meta.get("kind") != "rig":
-            raise InputError(f"{path} is no rig archive (its meta says {meta.get('kind', 'nothing')!r}).")
+        meta, arrays = read_kind(path, "rig")
         names = tuple(str(name) for name in arrays["names"])
         polygons = arrays.get("polygons")
         mesh = Mesh(

@@ -117,4 +117,4 @@ def _dressed(mesh: Mesh, template: Mesh) -> Mesh:
     """The face with the template's polygons and texture coordinates where it has none."""
     polygons = template.polygons if mesh.polygons is None else mesh.polygons
     uv, uv_faces = (template.uv, template.uv_faces) if mesh.uv is None else (mesh.uv, mesh.uv_faces)
-    return Mesh(mesh.vertices, mesh.faces, polygons, uv, uv_faces, mesh.texture)
+    return replace(mesh, polygons=polygons, uv=uv, uv_faces=uv_faces)

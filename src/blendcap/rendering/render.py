@@ -8,6 +8,7 @@ from functools import lru_cache
 import numpy as np
 
 from blendcap.data import Camera, InputError, Mesh, Rig
+from blendcap.data.anatomy import clear_vertices
 from blendcap.numerics.surfaces import vertex_normals
 from blendcap.rendering.appearance import SKIN, default_colors
 from blendcap.rendering.camera import to_homogeneous

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from blendcap.data import Animation, InputError, Rig, Solution
-from blendcap.io.video_write import write_video
 from blendcap.data.anatomy import is_skin
+from blendcap.io.video_write import write_video
 from blendcap.metrics import evaluate
 from blendcap.view import page
 from blendcap.view.posing import weights_on

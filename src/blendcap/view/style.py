@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 INK, GRID, PAPER = "#2b2f37", "#d4d8de", "#fdfdfe"
-BLUE, RED, GREEN, GOLD = "#2f6fb7", "#cf3f3c", "#3f9a5a", "#d29a2a"
+BLUE, RED, GREEN = "#2f6fb7", "#cf3f3c", "#3f9a5a"
 SIX = ("#cf3f3c", "#3f9a5a", "#2f6fb7", "#e58a6a", "#8fc27a", "#7fb2df")  # x y z and again: strong, then light
 
 STYLE: dict[Any, Any] = {
