@@ -83,8 +83,8 @@ machine, "intensity" the default.
 SOLVE_TEXT = """A real performance (alex_rom_3) played by performers who are not the rig, and the thesis' two extremes,
 puckered lips that swing from side to side and a frown; noise 0.2 mm, misplacement 1.5 mm, slip 2 mm and 2 degrees,
 5 % occluded; places of the markers as a technician would give them. Markers lie on skin that bears no paint and is no
-lid; "lids too": anywhere on the skin. The solver has the performer's own neutral and shapes, which flatters
-all rows: a registered and transferred rig errs more.
+lid; "lids too": anywhere on the skin. The solver's rig has the template's shapes, transferred to a neutral that errs
+by 0.5 mm; its answers are judged on the performer's own neutral.
 Vertex RMSE in mm by region. The classifier was trained on the teacher, the
 first of each face. "closed": precision and recall of frames in which a lid is closed.
 
@@ -187,7 +187,7 @@ def curves_of(filmed: Filmed, classifier: PatchClassifier) -> Animation:
 def _judged(filmed: Filmed, truth, answer: Animation) -> tuple[str, list[float]]:
     """Cells of a row, and the errors of the regions that the patches are about and of all others, mm."""
     true = truth.performer.act(truth.animation)
-    judged = blendcap.evaluate(answer, true, filmed.rig, truth_rig=truth.performer.rig)
+    judged = blendcap.evaluate(answer, true, filmed.judge, truth_rig=truth.performer.rig)
     regions = judged.by_region_mm
     others = [error for name, error in regions.items() if is_skin(name) and name not in (*READ, "upper", "lower")]
     numbers = [regions[name] for name in READ] + [float(np.mean(others))]
@@ -221,7 +221,7 @@ def failures(kind: str, trained: dict[str, PatchClassifier], folder: Path, rows:
             answer = blendcap.solve(scene.rig, scene.take, scene.binding, patches=patches, settings=settings).animation
             performer = scene.truth.performer
             true = performer.act(scene.truth.animation)
-            errors.append(blendcap.evaluate(answer, true, scene.rig, truth_rig=performer.rig).vertex_rmse_mm)
+            errors.append(blendcap.evaluate(answer, true, scene.judge, truth_rig=performer.rig).vertex_rmse_mm)
         rows.append(f"| {kind} | {flaw} | {errors[0]:.3f} | {errors[1]:.3f} | {errors[1] / errors[0]:.2f} |")
         print(rows[-1], flush=True)
 

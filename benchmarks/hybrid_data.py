@@ -31,11 +31,12 @@ from blendcap.synthetic.head_camera import film_head, mount_head_camera
 from blendcap.synthetic.makeup import draw_makeup
 from blendcap.synthetic.paint import Stroke
 from blendcap.synthetic.performances import for_rig
-from blendcap.synthetic.performer import Performer, make_performer
+from blendcap.synthetic.performer import make_performer
 from blendcap.synthetic.shot import Shot
 from blendcap.synthetic.takes import Truth, choose_points, make_take
 
 RATE = 24.0  # of the lessons
+SCAN = 0.5  # mm by which the neutral of the solver's rig errs, as smooth as faces differ
 APART = 3.0  # mm from the middle of a stroke to that of a marker, at least
 ASIDE = {"10L+12L+18L+23L": "AU10+12+18+23L", "10R+12R+18R+23R": "AU10+12+18+23R"}
 UNITS = tuple(ASIDE.get(unit, f"AU{unit}") for unit in TRAINED)
@@ -44,14 +45,25 @@ PLAYED = {"mannequin": ("alexdjulin_alex_rom_3.csv", 3300, 3700), "ICT": ("alexd
 
 
 @cache
+def given(kind: str, person: int) -> Rig:
+    """The rig that the solver has: the template's shapes carried to a neutral that the scan got 0.5 mm wrong."""
+    own, template = face(kind, person), face(kind, 0)
+    error = face(kind, person + 1000).mesh.vertices - face(kind, person + 2000).mesh.vertices
+    error -= error.mean(0)
+    error *= SCAN / np.sqrt((error**2).sum(1).mean())
+    return replace(blendcap.transfer_rig(template, own.mesh.with_vertices(own.mesh.vertices + error)), name=own.name)
+
+
+@cache
 def face(kind: str, person: int) -> Rig:
-    """The rig of a person with ARKit's shapes."""
+    """The rig of a person with ARKit's shapes; 0 is the template."""
     if kind == "mannequin":
         return blendcap.mannequin(person, shapes=52)
     rig = blendcap.read_rig(DATA / "rigs" / "ict_facekit.npz")
     with np.load(DATA / "rigs" / "ict_facekit.npz", allow_pickle=False) as file:
         modes = file["identity_deltas"]
-        shift = MM * np.tensordot(np.random.default_rng(person).normal(size=len(modes)), modes, axes=1)
+        size = 0.0 if person == 0 else MM
+        shift = size * np.tensordot(np.random.default_rng(person).normal(size=len(modes)), modes, axes=1)
     return replace(rig, mesh=rig.mesh.with_vertices(rig.mesh.vertices + shift), name=f"ICT {person}")
 
 
@@ -59,7 +71,9 @@ def face(kind: str, person: int) -> Rig:
 class Filmed:
     """A take, its truth, and the patches that four head cameras saw of it."""
 
-    rig: Rig
+    rig: Rig  # the solver's
+    own: Rig  # the performer's face, on which markers are placed
+    acted: Animation  # without the neutral frames that every take begins with
     take: MarkerTake
     truth: Truth
     binding: Binding
@@ -67,36 +81,48 @@ class Filmed:
     makeup: Sequence[Stroke]
     seed: int
 
+    @property
+    def judge(self) -> Rig:
+        """The solver's shapes on the performer's own neutral: the scan's error is not charged to the solve."""
+        return replace(self.rig, mesh=self.own.mesh)
+
 
 Spoil = Callable[[int, int, np.ndarray], np.ndarray]  # camera, frame number, picture
 
 
 def film(
-    rig: Rig, performer: Performer, animation: Animation, seed: int, cache_folder: Path, name: str,
+    kind: str, person: int, animation: Animation, seed: int, cache_folder: Path, name: str,
     spoil: Spoil | None = None, bump: float = 0.0, spread: bool = False,
 ) -> Filmed:  # fmt: skip
     """Film a performer with four head cameras and cut the patches; what was cut is kept in a folder."""
+    own, rig = face(kind, person), given(kind, person)
+    performer = make_performer(own, seed=person)
     makeup = draw_makeup(performer.rig, seed=seed)
-    points = choose_points(rig, 50, seed=seed) if spread else between(rig, makeup, 50, seed)
+    points = choose_points(own, 50, seed=seed) if spread else between(own, makeup, 50, seed)
     take, truth = make_take(performer, animation, points, seed=seed)
     if bump:
         take, truth = _bumped(take, truth, bump)
     binding = blendcap.bind(rig, take, points)
-    key = hashlib.sha256(repr((seed, animation.weights.shape, bump)).encode()).hexdigest()[:8]
+    key = _key(performer.rig, take, animation)
     path = cache_folder / f"{name}-{key}.npz"
-    if path.exists():
-        with np.load(path, allow_pickle=False) as file:
-            images = {key: file[key] for key in file.files if key != "sure"}
-            patches = Patches(images, take.rate, file["sure"], {key: frames[0] for key, frames in images.items()})
-        return Filmed(rig, take, truth, binding, patches, makeup, seed)
-    helmet = mount_head_camera(performer.rig, seed=seed)
-    shots = film_head(truth, helmet, seed=seed, makeup=makeup)
-    setup = locate(rig, take, binding, helmet.cameras, [helmet.size] * len(shots), _quietest(rig, points))
-    reel = [shot.frames() for shot in shots] if spoil is None else _reel(key, shots)
-    videos = [_spoilt(view, frames, spoil) for view, frames in enumerate(reel)]
-    patches = extract_patches(videos, setup.places, setup.anchors, take.rate, dots=setup.dots, dot_radius=5.3)
-    np.savez_compressed(path, sure=patches.sure, **patches.images)
-    return Filmed(rig, take, truth, binding, patches, makeup, seed)
+    if not path.exists():
+        helmet = mount_head_camera(performer.rig, seed=seed)
+        shots = film_head(truth, helmet, seed=seed, makeup=makeup)
+        setup = locate(rig, take, binding, helmet.cameras, [helmet.size] * len(shots), _quietest(rig, points))
+        reel = [shot.frames() for shot in shots] if spoil is None else _reel(key, shots)
+        videos = [_spoilt(view, frames, spoil) for view, frames in enumerate(reel)]
+        cut = extract_patches(videos, setup.places, setup.anchors, take.rate, dots=setup.dots, dot_radius=5.3)
+        np.savez_compressed(path, sure=cut.sure, **cut.images)
+    with np.load(path, allow_pickle=False) as file:
+        images = {key: file[key] for key in file.files if key != "sure"}
+        patches = Patches(images, take.rate, file["sure"], {key: frames[0] for key, frames in images.items()})
+    return Filmed(rig, own, animation, take, truth, binding, patches, makeup, seed)
+
+
+def _key(rig: Rig, take: MarkerTake, animation: Animation) -> str:
+    """What a film depends on: the face as it is now, what it does, and where its markers are."""
+    parts = (rig.mesh.vertices, rig.deltas, take.positions, animation.weights)
+    return hashlib.sha256(b"".join(np.ascontiguousarray(part).tobytes() for part in parts)).hexdigest()[:12]
 
 
 _KEPT: dict[str, list[list[np.ndarray]]] = {}
@@ -141,12 +167,13 @@ def _bumped(take: MarkerTake, truth: Truth, size: float) -> tuple[MarkerTake, Tr
     return replace(take, positions=take.positions + shift), moved
 
 
-def lesson(kind: str, cache_folder: Path) -> tuple[Filmed, Lesson]:
+def lesson(
+    kind: str, cache_folder: Path, units: Sequence[str] = TRAINED, repeats: int = 4, seed: int = 0
+) -> tuple[Filmed, Lesson]:
     """The papers' units, each four times, shown by the teacher of a face, who wears markers on the lids, too."""
-    rig, person = face(kind, PEOPLE[kind][0]), PEOPLE[kind][0]
-    shown = action_units(rig, TRAINED, rate=RATE, repeats=4, seed=0)
-    performer = make_performer(rig, seed=person)
-    filmed = film(rig, performer, shown.animation, person, cache_folder, f"{kind}-{person}-lesson", spread=True)
+    person = PEOPLE[kind][0]
+    shown = action_units(face(kind, person), units, rate=RATE, repeats=repeats, seed=seed)
+    filmed = film(kind, person, shown.animation, person + seed, cache_folder, f"{kind}-{person}-lesson", spread=True)
     lead = len(filmed.take.positions) - len(shown.animation.weights)
     spans = [((a + lead) / RATE, (b + lead) / RATE, ASIDE.get(u, f"AU{u}")) for u, a, b, _ in shown.turns]
     return filmed, Lesson.of_spans(spans, len(filmed.take.positions), RATE)
@@ -154,10 +181,8 @@ def lesson(kind: str, cache_folder: Path) -> tuple[Filmed, Lesson]:
 
 def exercise(kind: str, person: int, cache_folder: Path, repeats: int = 2, seed: int = 7) -> tuple[Filmed, np.ndarray]:
     """The papers' units shown by a person: the film, and the true intensities (T, U) of `UNITS`."""
-    rig = face(kind, person)
-    shown = action_units(rig, TRAINED, rate=RATE, repeats=repeats, seed=seed)
-    performer = make_performer(rig, seed=person)
-    filmed = film(rig, performer, shown.animation, person + seed, cache_folder, f"{kind}-{person}-units")
+    shown = action_units(face(kind, person), TRAINED, rate=RATE, repeats=repeats, seed=seed)
+    filmed = film(kind, person, shown.animation, person + seed, cache_folder, f"{kind}-{person}-units")
     return filmed, _intensities(shown, len(filmed.take.positions) - len(shown.animation.weights))
 
 
@@ -166,19 +191,17 @@ def extremes(kind: str, person: int, cache_folder: Path) -> Filmed:
     rig = face(kind, person)
     swing, down = lip_swing(rig, RATE), frown(rig, RATE)
     acted = Animation(np.concatenate([swing.weights, down.weights]), swing.names, RATE)
-    performer = make_performer(rig, seed=person)
-    return film(rig, performer, acted, 300 + person, cache_folder, f"{kind}-{person}-extremes")
+    return film(kind, person, acted, 300 + person, cache_folder, f"{kind}-{person}-extremes")
 
 
 def worn(filmed: Filmed, count: int, between_paint: bool) -> tuple[MarkerTake, Truth, Binding]:
     """The same performance with other markers: more, fewer, or on the lids, too; the film stays."""
     if between_paint and count == len(filmed.take.names):
         return filmed.take, filmed.truth, filmed.binding
-    rig, seed = filmed.rig, filmed.seed
-    points = between(rig, filmed.makeup, count, seed) if between_paint else choose_points(rig, count, seed=seed)
-    acted = filmed.truth.animation
-    take, truth = make_take(filmed.truth.performer, acted, points, seed=200 + seed, neutral_frames=0)
-    return take, truth, blendcap.bind(rig, take, points)
+    own, seed = filmed.own, filmed.seed
+    points = between(own, filmed.makeup, count, seed) if between_paint else choose_points(own, count, seed=seed)
+    take, truth = make_take(filmed.truth.performer, filmed.acted, points, seed=200 + seed)
+    return take, truth, blendcap.bind(filmed.rig, take, points)
 
 
 def _intensities(shown: Exercise, lead: int) -> np.ndarray:
@@ -197,8 +220,7 @@ def played(
     rig = face(kind, person)
     recording, first, last = PLAYED[kind]
     acted = performance(recording, rig, first, last) if kind == "ICT" else _on_mannequin(recording, rig, first, last)
-    performer = make_performer(rig, seed=person)
-    return film(rig, performer, acted, 500 + person, cache_folder, f"{kind}-{person}-played{flaw}", spoil, bump)
+    return film(kind, person, acted, 500 + person, cache_folder, f"{kind}-{person}-played{flaw}", spoil, bump)
 
 
 def _on_mannequin(recording: str, rig: Rig, first: int, last: int) -> Animation:

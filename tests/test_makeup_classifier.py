@@ -4,12 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import savgol_filter
 
 from blendcap.data import InputError
 from blendcap.io.models import read_model, write_model
 from blendcap.makeup.augmentation import warped
 from blendcap.makeup.classifier import margin, tally
-from blendcap.makeup.curves import classify
+from blendcap.makeup.curves import WINDOWS, classify
 from blendcap.makeup.features import features, gabor, gabor_bank
 from blendcap.makeup.intensity import measure_intensity
 from blendcap.makeup.lesson import Lesson
@@ -95,6 +96,22 @@ def test_curves_are_smooth_bounded_and_say_how_sure_they_are(trained):
     np.testing.assert_allclose(unsure.confidence[80:], curves.confidence[80:], atol=1e-9)
     quiet = classify(trained, patches, table=TABLE, everywhere=False)
     assert quiet.confidence[0].max() < 0.05 < curves.confidence[0].max()
+
+
+def test_curves_of_slow_film_are_smoothed_over_five_frames(trained):
+    patches, _, _ = perform(repetitions=1, seed=7)
+    slow = replace(patches, rate=24.0)
+    raw, _ = trained(patches)
+    told = classify(trained, slow, table=TABLE, aligned=False)
+    blink = np.clip(savgol_filter(raw[:, 2], 2 * (round(WINDOWS[trained.method] * 24) // 2) + 1, 2), 0, 1)
+    if trained.method == "intensity":
+        blink = np.clip(savgol_filter(raw[:, 2], 5, 2), 0, 1)
+    np.testing.assert_allclose(told.weights[:, 2], blink, atol=1e-6)
+
+
+def test_no_patches_are_refused(trained):
+    with pytest.raises(InputError, match="no patches to classify"):
+        classify(trained, iter([]), table=TABLE)
 
 
 def test_smeared_paint_is_not_believed(trained):

@@ -18,6 +18,7 @@ from blendcap.numerics.smoothing import smooth
 # Seconds of the smoothing window: the papers' 20 to 30 frames at 60 frames a second. A blink is over in less.
 WINDOWS: Mapping[str, float] = {"svm": 25 / 60, "intensity": 7 / 60}
 INFLUENCE_WINDOW = 15 / 60  # seconds over which the influence rises and falls
+LEAST_FRAMES = 5  # of a window: a parabola through three frames smooths nothing
 SURE = 0.1  # an intensity that errs by no more than this is fully trusted
 SHOWN = 0.05  # an intensity below is rest
 
@@ -53,7 +54,7 @@ def classify(
     Raises
     ------
     InputError
-        If the table lacks a unit, or the patches are not those of the classifier.
+        If the table lacks a unit, there is no frame, or the patches are not those of the classifier.
     """
     lacking = [unit for unit in classifier.units if unit not in table]
     if lacking:
@@ -62,14 +63,19 @@ def classify(
         )
     blocks = [patches] if isinstance(patches, Patches) else patches
     intensity, probability, rate = _answers(classifier, blocks, aligned)
-    intensity = np.clip(smooth(intensity, rate, WINDOWS[classifier.method]), 0, 1)
+    intensity = np.clip(smooth(intensity, rate, _window(WINDOWS[classifier.method], rate)), 0, 1)
     errors = np.concatenate([model.errors for model in classifier.models])
     trust = np.minimum(1, (SURE / np.maximum(errors, 1e-6)) ** 2) * probability
     if not everywhere:
         trust = trust * (intensity > SHOWN)
-    trust = np.clip(smooth(trust, rate, INFLUENCE_WINDOW), 0, 1)
+    trust = np.clip(smooth(trust, rate, _window(INFLUENCE_WINDOW, rate)), 0, 1)
     names, weights, confidence = _on_shapes(classifier.units, intensity, trust, table)
     return Animation(weights, names, rate, confidence=confidence, meta={"source": "makeup patches"})
+
+
+def _window(seconds: float, rate: float) -> float:
+    """Seconds of a smoothing window at this rate: what was asked for, and no less than `LEAST_FRAMES`."""
+    return max(seconds, LEAST_FRAMES / rate)
 
 
 def _answers(classifier: PatchClassifier, blocks: Iterable[Patches], aligned: bool):
@@ -86,6 +92,8 @@ def _answers(classifier: PatchClassifier, blocks: Iterable[Patches], aligned: bo
         seen = laid_over(block, tables) if tables else block
         intensity, probability = classifier(seen)
         parts.append((intensity, probability * classifier.familiar(seen) * block.sure[:, None]))
+    if not parts:
+        raise InputError("There are no patches to classify: the film has no frame; check the videos.")
     intensity, probability = (np.concatenate(part) for part in zip(*parts, strict=True))
     return intensity, probability, rate
 
