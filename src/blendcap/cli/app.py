@@ -24,6 +24,7 @@ from blendcap.cli.facs import facs
 from blendcap.cli.info import info
 from blendcap.cli.rig import rig
 from blendcap.cli.solve import solve
+from blendcap.cli.view import view
 
 app = App(
     name="blendcap",
@@ -32,7 +33,7 @@ app = App(
     result_action="return_value",
     suppress_keyboard_interrupt=False,
 )
-for command in (demo, doctor, info, solve, facs, convert, evaluate, rig):
+for command in (demo, doctor, info, solve, facs, view, convert, evaluate, rig):
     app.command(command)
 
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 _HOMES = {
     "marker_heat": "heatmap",
     "vertex_error": "heatmap",
+    "write_beside_film": "beside_film",
     "write_comparison": "comparison",
     "write_contact_sheet": "sheet",
     "write_heatmap": "heatmap",
@@ -24,6 +25,7 @@ _HOMES = {
 __all__ = list(_HOMES)  # pyright: ignore[reportUnsupportedDunderAll]
 
 if TYPE_CHECKING:
+    from blendcap.view.beside_film import write_beside_film as write_beside_film
     from blendcap.view.comparison import write_comparison as write_comparison
     from blendcap.view.heatmap import marker_heat as marker_heat
     from blendcap.view.heatmap import vertex_error as vertex_error

@@ -1,0 +1,107 @@
+"""blendcap view RIG [ANIM]."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+import blendcap
+from blendcap.cli.outputs import PICTURES, VIDEOS, check_outputs
+from blendcap.cli.progress import Progress
+
+if TYPE_CHECKING:
+    from blendcap.data import Animation, Rig
+    from blendcap.io.video import Video
+
+FILM_RATE, FILM_SIZE = 30.0, (960, 540)  # at most so many frames a second; pixels
+
+
+def view(
+    rig: Path,
+    animation: Path | None = None,
+    /,
+    *,
+    output: Annotated[Path | None, Parameter(name=("--output", "-o"))] = None,
+    video: Path | None = None,
+    offset: float = 0.0,
+    frame: int | None = None,
+) -> None:
+    """Look at a rig, or at an animation on it: a picture or a film.
+
+    Parameters
+    ----------
+    rig
+        The rig: .glb, .npz, a folder of .obj.
+    animation
+        Weights over time. Other spellings of the rig's shapes are matched; shapes that it lacks are left out.
+    output
+        .png: all shapes of the rig, or one frame of the animation. .mp4 or .gif: the animation. If not given, a file
+        beside you, named after the animation or the rig.
+    video
+        A film of the performance, shown beside the animated face.
+    offset
+        When the animation begins in that film, seconds.
+    frame
+        The frame to show as .png; the one that is farthest from neutral if not given.
+    """
+    target = output or Path((animation or rig).stem + (".png" if animation is None or frame is not None else ".mp4"))
+    check_outputs([target], PICTURES + (VIDEOS if animation is not None else ()))
+    _check_use(target, animation, video, frame)
+    progress = Progress()
+    with progress.step("read", "Read the files"):
+        the_rig = blendcap.read_rig(rig)
+        curves = None if animation is None else _on_rig(blendcap.read_animation(animation), the_rig)
+        film = None if video is None else blendcap.read_video(video)
+    if curves is None or target.suffix.lower() in PICTURES:
+        with progress.step("picture", f"Write {target}"):
+            _write_picture(target, the_rig, curves, frame)
+    else:
+        _write_film(target, the_rig, curves, film, offset, progress)
+    print(f"Open {target}.")
+
+
+def _check_use(target: Path, animation: Path | None, video: Path | None, frame: int | None) -> None:
+    """Refuse what does not go together."""
+    picture = target.suffix.lower() in PICTURES
+    if frame is not None and (animation is None or not picture):
+        raise blendcap.InputError("--frame picks a frame of an animation for a .png; give both, or leave it out.")
+    if video is not None and (animation is None or picture):
+        raise blendcap.InputError("--video is shown beside an animation in a film; give an animation and -o FILE.mp4.")
+
+
+def _on_rig(animation: Animation, rig: Rig) -> Animation:
+    from blendcap.data.names import in_vocabulary
+
+    return in_vocabulary(animation, rig.names)
+
+
+def _write_picture(path: Path, rig: Rig, animation: Animation | None, frame: int | None) -> None:
+    """All shapes of a rig, or one frame of an animation."""
+    from blendcap.view import write_contact_sheet, write_still
+    from blendcap.view.posing import weights_on
+
+    if animation is None:
+        write_contact_sheet(path, rig)
+        return
+    weights = weights_on(rig, animation)
+    last = len(weights) - 1
+    if frame is not None and not 0 <= frame <= last:
+        raise blendcap.InputError(f"There is no frame {frame}; the animation has the frames 0 to {last}.")
+    write_still(path, rig, weights[(weights**2).sum(1).argmax() if frame is None else frame])
+
+
+def _write_film(
+    path: Path, rig: Rig, animation: Animation, video: Video | None, offset: float, progress: Progress
+) -> None:
+    """The animation by itself, or beside the film of the performance."""
+    from blendcap.view import write_beside_film, write_preview
+
+    every = max(1, round(animation.rate / FILM_RATE))
+    with progress.step("film", f"Write {path}", total=-(-len(animation.weights) // every)) as tell:
+        if video is None:
+            write_preview(path, rig, animation, size=FILM_SIZE, title=rig.name, every=every, progress=tell)
+        else:
+            height = FILM_SIZE[1]
+            write_beside_film(path, rig, animation, video, offset=offset, height=height, every=every, progress=tell)

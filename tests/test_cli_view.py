@@ -1,0 +1,88 @@
+"""Looking at rigs and animations: pictures, films, and the film of the performance beside."""
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from blendcap import Animation, read_video, write_animation, write_rig
+from blendcap.cli import main
+from blendcap.io import write_video
+from blendcap.view.beside_film import pictures_at
+from blendcap.view.sheet import contact_sheet
+from blendcap.view.still import still
+from sheet import sheet_rig
+
+RATE = 25.0
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder, rig = tmp_path_factory.mktemp("view"), sheet_rig()
+    weights = np.zeros((10, len(rig.names)))
+    weights[6] = 0.5
+    write_rig(folder / "face.npz", rig)
+    write_animation(folder / "take.csv", Animation(weights, rig.names, RATE))
+    steps = (np.full((40, 60, 3), 6 * t, np.uint8) for t in range(40))
+    write_video(folder / "film.mp4", steps, 2 * RATE, (60, 40), loss=1)
+    return folder
+
+
+@pytest.fixture(autouse=True)
+def here(folder, monkeypatch):
+    monkeypatch.chdir(folder)
+
+
+def pixels(path):
+    return np.array(Image.open(path).convert("RGB"))
+
+
+def test_a_rig_by_itself_is_its_contact_sheet(capsys):
+    assert main(["view", "face.npz"]) == 0
+    assert capsys.readouterr().out.endswith("Open face.png.\n")
+    np.testing.assert_array_equal(pixels("face.png"), contact_sheet(sheet_rig()))
+
+
+@pytest.mark.parametrize(("asked", "shown"), [(["--frame", "0"], 0.0), ([], 0.5)])
+def test_a_picture_of_an_animation_is_the_frame_asked_for_or_the_farthest(asked, shown):
+    assert main(["view", "face.npz", "take.csv", "-o", "frame.png", *asked]) == 0
+    rig = sheet_rig()
+    np.testing.assert_array_equal(pixels("frame.png"), still(rig, np.full(len(rig.names), shown)))
+
+
+def test_an_animation_becomes_a_film_at_its_rate(capsys):
+    assert main(["view", "face.npz", "take.csv"]) == 0
+    film = read_video("take.mp4")
+    assert (film.count, film.rate) == (10, RATE)
+
+
+def test_the_film_beside_shows_the_same_moment():
+    assert main(["view", "face.npz", "take.csv", "--video", "film.mp4", "--offset", "0.2", "-o", "both.mp4"]) == 0
+    both = read_video("both.mp4")
+    assert both.count == 10
+    left = [picture[:, : both.size[1]].mean() for picture in both.frames()]
+    np.testing.assert_allclose(left, 6 * (10 + 2 * np.arange(10)), atol=3)
+
+
+def test_where_the_film_has_no_picture_it_is_black():
+    means = [picture.mean() for picture in pictures_at(read_video("film.mp4"), np.array([-1, 0, 5, 5, 39, 40]))]
+    np.testing.assert_allclose(means, [0, 0, 30, 30, 234, 0], atol=2)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["take.csv", "--frame", "10", "-o", "x.png"], "There is no frame 10; the animation has the frames 0 to 9."),
+        (["--frame", "1"], "--frame picks a frame of an animation"),
+        (["take.csv", "--frame", "1", "-o", "x.mp4"], "--frame picks a frame of an animation for a .png"),
+        (["--video", "film.mp4"], "--video is shown beside an animation"),
+        (["-o", "x.mp4"], "its ending must be one of .png"),
+        (["take.csv", "-o", "x.html"], "its ending must be one of .png, .mp4, .gif"),
+        (["take.csv", "--video", "film.mp4", "--offset", "9", "-o", "x.mp4"], "has no picture of the animation"),
+        (["take.csv", "--video", "face.npz", "-o", "x.mp4"], "holds no video"),
+    ],
+)
+def test_what_does_not_go_together_is_one_sentence(folder, capsys, arguments, sentence):
+    assert main(["view", "face.npz", *arguments]) == 1
+    said = capsys.readouterr().err
+    assert sentence in said and said.count("\n") == 1
+    assert not list(folder.glob("x.*"))
