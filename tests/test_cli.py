@@ -206,7 +206,8 @@ def rig_of_unknown_ending(folder, rig, truth):
     (folder / "rig.fbx").write_bytes(b"Kaydara FBX Binary  \x00")
     sentence = (
         "rig.fbx has an ending that is not known: mesh .obj, .ply, .stl, .glb, .gltf; rig .glb, .gltf, .npz; "
-        "markers .c3d, .trc, .csv; animation .csv, .npz, .glb, .gltf; a rig may be a folder of .obj too."
+        "markers .c3d, .trc, .csv; animation .csv, .npz, .glb, .gltf; video .mp4, .mov, .m4v, .mkv, .avi, .webm, .gif; "
+        "cameras and places .json. A rig may be a folder of .obj too."
     )
     return ["info", "rig.fbx"], sentence
 

@@ -8,12 +8,12 @@ from blendcap.cli.answers import AsJson, print_json, print_lines
 
 
 def info(file: Path, /, *, as_json: AsJson = False) -> None:
-    """Say what a rig, mesh, take or animation file holds.
+    """Say what a file holds.
 
     Parameters
     ----------
     file
-        A rig, a mesh, a marker take or an animation.
+        A rig, a mesh, a marker take, an animation, a video, cameras, places of markers, or a trained model.
     as_json
         Print the answer as JSON.
     """

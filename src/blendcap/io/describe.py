@@ -9,13 +9,18 @@ from typing import Any
 from blendcap.data import Animation, InputError, MarkerTake, Mesh, Rig
 from blendcap.io import formats
 from blendcap.io.animation_csv import animation_of_table
+from blendcap.io.cameras import read_cameras
+from blendcap.io.correspondences import read_correspondences
 from blendcap.io.gltf import open_document
 from blendcap.io.livelink import animation_of_live_link, is_live_link
 from blendcap.io.marker_csv import is_marker_table, take_of_table
-from blendcap.io.npz import npz_names
-from blendcap.io.opening import existing_file, reading
+from blendcap.io.npz import npz_names, read_meta, read_npz
+from blendcap.io.opening import existing_file, read_json, reading
+from blendcap.io.points_json import read_points
 from blendcap.io.tables import read_table
+from blendcap.io.video import read_video
 
+FILMS = (".mp4", ".mov", ".m4v", ".mkv", ".avi", ".webm", ".gif")
 Record = Rig | Mesh | MarkerTake | Animation
 
 
@@ -36,11 +41,29 @@ def read_any(path: str | os.PathLike) -> Record:
     if kind in formats.READ["mesh"]:
         return formats.read_mesh(path)
     known = "; ".join(f"{record} {', '.join(endings)}" for record, endings in formats.READ.items())
-    raise InputError(f"{path} has an ending that is not known: {known}; a rig may be a folder of .obj too.")
+    raise InputError(
+        f"{path} has an ending that is not known: {known}; video {', '.join(FILMS)}; cameras and places .json. "
+        "A rig may be a folder of .obj too."
+    )
 
 
 def describe(path: str | os.PathLike) -> dict[str, Any]:
-    """What a file holds, ready for JSON: `kind` is rig, mesh, markers or animation."""
+    """What a file holds, ready for JSON.
+
+    `kind` is rig, mesh, markers, animation, video, cameras, points, places or model.
+
+    Raises
+    ------
+    InputError
+        If there is no such file, it is broken, or none of these.
+    """
+    kind = Path(path).suffix.lower()
+    if kind in FILMS:
+        return _film(path)
+    if kind == ".json":
+        return _notes(path)
+    if kind == ".npz" and (model := _model(path)):
+        return model
     record = read_any(path)
     if isinstance(record, Rig):
         return {"kind": "rig", "name": record.name, "shapes": list(record.names), "points": {k: len(v.names) for k, v in
@@ -55,6 +78,35 @@ def describe(path: str | os.PathLike) -> dict[str, Any]:
     return {"kind": "animation", "frames": len(record.weights), "rate": record.rate,
             "seconds": float(record.times[-1] - record.times[0]), "shapes": list(record.names),
             "head": record.head is not None, "meta": dict(record.meta)}  # fmt: skip
+
+
+def _film(path: str | os.PathLike) -> dict[str, Any]:
+    video = read_video(path)
+    seconds = video.count / video.rate
+    return {"kind": "video", "frames": video.count, "rate": video.rate, "seconds": seconds, "size": list(video.size),
+            "unit": "pixels"}  # fmt: skip
+
+
+def _notes(path: str | os.PathLike) -> dict[str, Any]:
+    """Cameras, points, or places of markers."""
+    with reading(path, "JSON file"):
+        content = read_json(path)
+        if isinstance(content, dict) and "cameras" in content:
+            return {"kind": "cameras", "cameras": {name: list(size) for name, (_, size) in read_cameras(path).items()}}
+        if isinstance(content, dict) and isinstance(content.get("points"), list):
+            return {"kind": "points", "rig": content.get("rig"), "points": list(read_points(path).names)}
+    return {"kind": "places", "markers": list(read_correspondences(path))}
+
+
+def _model(path: str | os.PathLike) -> dict[str, Any] | None:
+    """Kind and version of an archive of ours that is neither rig nor animation."""
+    arrays = npz_names(path)
+    if "meta" not in arrays:
+        return None
+    meta = read_meta(read_npz(path), path)
+    if meta.get("kind") in (None, "rig", "animation"):
+        return None
+    return {"kind": "model", "of": meta["kind"], "version": meta.get("version"), "arrays": sorted(arrays)}
 
 
 def _surface(mesh: Mesh) -> dict[str, Any]:
