@@ -184,7 +184,8 @@ def test_live_cannot_see_the_future(typical, solved):
 def test_the_default_beats_equation_3(typical, solved):
     best = oracle(typical)
     assert typical.error(solved["learned"]) < 0.85 * typical.error(best)
-    assert roughness(solved["learned"]) < 0.15 * roughness(best)
+    moves = replace(solved["learned"], animation=typical.truth.animation)  # as rough as the truth, which blinks
+    assert abs(roughness(solved["learned"]) - roughness(moves)) < 0.05 * roughness(best)
     assert typical.error(solved["live"]) < 1.1 * typical.error(best)  # which knows the truth, as live does not
 
 

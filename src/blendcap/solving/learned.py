@@ -14,6 +14,7 @@ from blendcap.solving.curves import CURVE_ERROR, Curves
 from blendcap.solving.prior import (
     HELMET_RIDGE,
     HELMET_STEP,
+    QUICK,
     TakePrior,
     learn_prior,
     posterior,
@@ -100,7 +101,8 @@ def solve_learned(
     symmetry, smoothness, passes
         As in SolveSettings.
     quick : (N,) bool, optional
-        Shapes that move within a few frames, as eyelids do.
+        Shapes that move within a few frames, as eyelids do: their steps are charged less from the first pass on, and
+        their poses are believed to reach farther than they do on average.
     kinship : Kinship, optional
         Which shapes exclude each other and which are lids and eyeballs; partners alone if not given.
     curves : Curves, optional
@@ -115,7 +117,7 @@ def solve_learned(
     start = symmetric_prior(mirror, symmetry, rate)
     kinship = Kinship.of_pairs(mirror) if kinship is None else kinship
     quick = np.zeros(len(mirror), dtype=bool) if quick is None else quick
-    belief = _Belief.first(start, max(noise, START_NOISE), len(rows.rows))
+    belief = _Belief.first(start, max(noise, START_NOISE), quick, len(rows.rows))
     told_error = np.full(len(mirror), curve_error)
     if curves is not None:
         progress("the markers alone")
@@ -157,10 +159,10 @@ class _Belief:
     trusted: np.ndarray
 
     @staticmethod
-    def first(prior: TakePrior, noise: float, markers: int) -> _Belief:
-        count = len(prior.steps)
+    def first(prior: TakePrior, noise: float, quick: np.ndarray, markers: int) -> _Belief:
+        still = np.zeros((1, len(quick)))
         return _Belief(
-            prior, noise, np.ones((1, count)), np.zeros((1, count)), np.zeros(count, dtype=bool), np.ones(markers)
+            prior, noise, np.where(quick, QUICK, still + 1), still, np.zeros(len(quick), dtype=bool), np.ones(markers)
         )
 
 
@@ -239,7 +241,7 @@ def _learned(
     trusted = trust(marker_errors(rows, unknowns, leverage))
     noise = max(least, overall(rows, unknowns, leverage, trusted))
     held = held_shapes(rows.weighed(trusted), lasting_noise(noise, least), kinship, terms.told())
-    prior = prior.holding(held)
+    prior = prior.reaching(quick).holding(held)
     factors = step_weights(weights, prior, kinship.mirror, quick)
     return _Belief(prior, noise, factors, trend(weights, quick), held, trusted)
 

@@ -22,7 +22,8 @@ HOLD = 0.03  # factor on the standard deviation of a shape that is held at rest
 FREEDOM = 0.25  # degrees of freedom of Student's t: the smaller, the more a large step is an event
 STUDENT_SCALE = 0.5  # of the variance of the steps
 EVENT_FRAMES = 3
-QUICK = 0.12  # factor on the coupling of shapes that move within a few frames
+QUICK = 0.1  # factor on the coupling of shapes that move within a few frames
+REACH = 1.25  # factor on the standard deviation of the same: it tells how long eyes are shut, not how far they close
 TREND = (1, 4, 6, 4, 1)  # weights of the neighbouring steps that foretell a step of theirs
 FREQUENCIES = 16  # at which the posterior covariance is sampled
 
@@ -44,7 +45,13 @@ class TakePrior:
 
     def holding(self, held: np.ndarray) -> TakePrior:
         """The prior that keeps the shapes `held` (N,) bool at rest."""
-        factor = np.where(held, HOLD, 1.0)
+        return self._scaled(np.where(held, HOLD, 1.0))
+
+    def reaching(self, quick: np.ndarray) -> TakePrior:
+        """The prior that lets the shapes `quick` (N,) bool reach the height of a peak that is rare."""
+        return self._scaled(np.where(quick, REACH, 1.0))
+
+    def _scaled(self, factor: np.ndarray) -> TakePrior:
         return TakePrior(self.covariance * np.outer(factor, factor), self.steps)
 
 
