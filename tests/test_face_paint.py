@@ -67,6 +67,15 @@ def test_looks_are_drawn_the_same_every_time_and_differ():
     assert all(look.stubble == 0 or look.brow_height > 7 for look in looks)
 
 
+def test_a_look_with_another_feature():
+    look = draw_look(3)
+    assert look.but(stubble=0.8, cut="bald") == replace(look, stubble=0.8, cut="bald") != look
+    with pytest.raises(InputError, match="has no feature 'stubbel'; it has skin, lips, hair"):
+        look.but(stubbel=0.8)
+    with pytest.raises(InputError, match="There is no cut 'buz'; choose one of bald, buzz, short"):
+        look.but(cut="buz")
+
+
 def test_paint_is_the_same_every_time(plain):
     one, two = (paint_face(in_tiles(plain), 5, size=256).mesh.texture for _ in range(2))
     np.testing.assert_array_equal(one, two)

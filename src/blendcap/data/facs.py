@@ -51,7 +51,8 @@ _CORRECTIVES = {
     "blinkSquint*": "eyeBlink* eyeSquint*", "blinkWide*": "eyeBlink* eyeWide*",
     "browKnit*": "browInnerUp browDown*", "smileOpen*": "jawOpen mouthSmile*",
 }  # fmt: skip
-_NEED = {"mouthClose": ("jawOpen",), "tongueOut": ("jawOpen",), "jawStretch": ("jawOpen",)}
+NEEDS = {"mouthClose": ("jawOpen",), "tongueOut": ("jawOpen",), "jawStretch": ("jawOpen",)}
+"""Shapes that make sense only together with others."""
 
 
 def _sides(word: str) -> list[str]:
@@ -63,11 +64,11 @@ def _rows() -> list[tuple[str, str, str, tuple[str, ...]]]:
     ours = [(word, *entry.split(":", 1)) for entry in _ARKIT.split() for word in _sides(entry)]
     rows = [(word.partition(":")[0], word.partition(":")[2]) for word, *_ in ours]
     found: list[tuple[str, str, str, tuple[str, ...]]] = []
-    found += [(name, facs, name, _NEED.get(name, ())) for name, facs in sorted(rows)]
+    found += [(name, facs, name, NEEDS.get(name, ())) for name, facs in sorted(rows)]
     for entry in (_PARTS + _MORE).split():
         for word in _sides(entry):
             name, facs, whole = (*word.split(":"), "")[:3]
-            found.append((name, facs, whole, _NEED.get(name, ())))
+            found.append((name, facs, whole, NEEDS.get(name, ())))
     for entry, drivers in _CORRECTIVES.items():
         for name, driven in zip(_sides(entry), _sides(drivers), strict=True):
             found.append((name, "", "", tuple(driven.split())))

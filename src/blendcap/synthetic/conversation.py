@@ -6,10 +6,10 @@ from collections.abc import Mapping
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
-from scipy.spatial.transform import Rotation
 
 from blendcap.data import Animation, InputError, Rig
 from blendcap.data.names import ARKIT52
+from blendcap.synthetic.motion import motion_matrices
 from blendcap.synthetic.performances import both, for_rig, play, steady, uneven
 
 PHRASES = (
@@ -151,7 +151,4 @@ def _head(nodding: np.ndarray, played: Animation, rig: Rig, rng: np.random.Gener
     vertices = rig.mesh.vertices
     low, high = vertices.min(0), vertices.max(0)
     pivot = np.array([(low[0] + high[0]) / 2, low[1] + 0.3 * (high[1] - low[1]), (low[2] + high[2]) / 2])
-    head = np.tile(np.eye(4), (count, 1, 1))
-    head[:, :3, :3] = Rotation.from_rotvec(sway - sway[0]).as_matrix()
-    head[:, :3, 3] = pivot - head[:, :3, :3] @ pivot
-    return head
+    return motion_matrices(np.hstack([np.zeros((count, 3)), sway - sway[0]]), pivot)

@@ -8,7 +8,6 @@ from functools import cache
 
 import numpy as np
 from numba import njit
-from scipy.spatial.transform import Rotation
 
 from blendcap.data import Camera, InputError, Rig, SurfacePoints, landmarks68
 from blendcap.rendering import default_colors, vertex_normals
@@ -16,6 +15,7 @@ from blendcap.rendering.camera import look_at
 from blendcap.rendering.color import to_linear
 from blendcap.rendering.grey import GreySurface
 from blendcap.rendering.light import openness
+from blendcap.synthetic.motion import motion_matrices
 from blendcap.synthetic.paint import Stroke, drawn_faces, paint, skin_faces
 from blendcap.synthetic.shot import Shot
 from blendcap.synthetic.takes import Truth
@@ -183,10 +183,7 @@ def film_head(
 
 def slip_matrices(truth: Truth) -> np.ndarray:
     """(T, 4, 4) from the rig's space to the helmet's, mm: the face as the slipping helmet sees it."""
-    result = np.tile(np.eye(4), (len(truth.slip), 1, 1))
-    result[:, :3, :3] = Rotation.from_rotvec(truth.slip[:, 3:]).as_matrix()
-    result[:, :3, 3] = truth.slip[:, :3] + truth.pivot - result[:, :3, :3] @ truth.pivot
-    return result
+    return motion_matrices(truth.slip, truth.pivot)
 
 
 def _on_paintable_skin(truth: Truth) -> SurfacePoints:

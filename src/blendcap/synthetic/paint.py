@@ -3,17 +3,18 @@ them, and kept in uv, so that they move with the skin."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
-from blendcap.data import InputError, Mesh, Rig, landmarks68
+from blendcap.data import InputError, Rig, landmarks68
 from blendcap.numerics.barycentric import barycentric_flat
 from blendcap.numerics.geodesic import weld
-from blendcap.rendering import default_colors, vertex_normals
+from blendcap.rendering import vertex_normals
+from blendcap.rendering.appearance import hidden_vertices
 from blendcap.rendering.rasterize import visibility
 
 TEXELS = 2048  # of a side of the paint
@@ -43,10 +44,7 @@ class Stroke:
 
 def drawn_faces(rig: Rig) -> np.ndarray:
     """(F,) bool: all but lashes and the clear layers over the eyes, which a picture without transparency leaves out."""
-    colors = default_colors(replace(rig, mesh=Mesh(rig.mesh.vertices, rig.mesh.faces)))
-    assert colors is not None  # it has no texture
-    hidden = np.asarray(np.isnan(colors).any(1))
-    return np.asarray(~hidden[rig.mesh.faces].any(1))
+    return np.asarray(~hidden_vertices(rig)[rig.mesh.faces].any(1))
 
 
 def skin_faces(rig: Rig) -> np.ndarray:

@@ -9,6 +9,8 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from blendcap.data import Animation, InputError, Rig
+from blendcap.data.correctives import driven
+from blendcap.data.facs import NEEDS
 from blendcap.data.names import ARKIT52, canonical, match
 
 # What a mouth does for a class of sounds, at full stress (ARKit names).
@@ -29,7 +31,6 @@ CLOSURES: tuple[tuple[str, Mapping[str, float]], ...] = (
 PARTING = ("mouthLowerDown", "mouthUpperUp", "mouthFunnel", "mouthStretch", "mouthShrug", "mouthRoll", "mouthDimple",
            "tongueOut")  # what keeps lips from meeting  # fmt: skip
 SHUT_JAW = 0.6  # how far the jaw closes for p, b and m; the lips do the rest
-NEEDS = {"mouthClose": ("jawOpen",), "tongueOut": ("jawOpen",)}  # make sense only together with these
 SYLLABLE = 0.21  # seconds
 RAMP, HOLD = 0.22, 0.10  # seconds: how the range of motion rises and rests
 
@@ -88,16 +89,9 @@ def for_rig(animation: Animation, rig: Rig, table: Mapping[str, Sequence[str]] |
 
 
 def with_correctives(animation: Animation, rig: Rig) -> Animation:
-    """The animation with each corrective that it leaves at 0 at the product of its drivers.
-
-    A corrective is a shape of `rig.combinations` with two drivers or more; one driver only says what a shape needs.
-    """
-    weights = animation.weights.copy()
-    place = {name: i for i, name in enumerate(animation.names)}
-    for name, drivers in rig.combinations.items():
-        if len(drivers) > 1 and {name, *drivers} <= set(place) and not weights[:, place[name]].any():
-            weights[:, place[name]] = animation.weights[:, [place[d] for d in drivers]].prod(1)
-    return replace(animation, weights=weights)
+    """An animation of the rig with each corrective that it leaves at 0 as `data.correctives.driven` has it."""
+    own = animation.weights.any(0)
+    return replace(animation, weights=np.where(own, animation.weights, driven(rig, animation.weights)))
 
 
 def needs(rig: Rig, name: str) -> tuple[str, ...]:

@@ -9,12 +9,12 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components, dijkstra
-from scipy.spatial.transform import Rotation
 
 from blendcap.data import Animation, InputError, MarkerTake, Rig, SurfacePoints
 from blendcap.numerics.geodesic import face_neighbors, surface_graph, walk, weld
 from blendcap.rendering import vertex_normals
 from blendcap.rendering.light import openness
+from blendcap.synthetic.motion import motion_matrices
 from blendcap.synthetic.performer import Performer
 
 SKIN = ("forehead", "brows", "glabella", "lids", "nose", "cheeks", "lips", "jaw")
@@ -135,13 +135,13 @@ def make_take(
     drift = partial(_drift, count, meant.rate, still=neutral_frames)
     if head is not None:
         pivot = performer.rig.mesh.vertices.mean(0)
-        meant = replace(meant, head=_matrices(drift(rng, head, period=4.0, bumps=0.0), pivot))
+        meant = replace(meant, head=motion_matrices(drift(rng, head, period=4.0, bumps=0.0), pivot))
     true_points = misplace(points, performer.rig, misplacement, rng)
     rest, deltas = performer.rig.sample(true_points)
     positions = rest + np.tensordot(performer.expand(meant.weights), deltas, axes=1)
     pivot = rest.mean(0)
     helmet = drift(rng, slip, period=20.0, bumps=count / meant.rate / 12)
-    positions = _apply(_matrices(helmet, pivot), positions)
+    positions = _apply(motion_matrices(helmet, pivot), positions)
     if meant.head is not None:
         positions = _apply(meant.head, positions)
     missing = _gaps(count, len(points.names), occlusion, neutral_frames, rng)
@@ -195,14 +195,6 @@ def _drift(count: int, rate: float, rng, size: tuple[float, float], *, period: f
     for part, target in ((slice(0, 3), size[0]), (slice(3, 6), np.deg2rad(size[1]))):
         path[:, part] *= target / (np.sqrt((path[:, part] ** 2).sum(1).mean()) + 1e-12)
     return path
-
-
-def _matrices(motion: np.ndarray, pivot: np.ndarray) -> np.ndarray:
-    """(T, 4, 4) of translations and rotation vectors (T, 6) about a pivot."""
-    result = np.tile(np.eye(4), (len(motion), 1, 1))
-    result[:, :3, :3] = Rotation.from_rotvec(motion[:, 3:]).as_matrix()
-    result[:, :3, 3] = motion[:, :3] + pivot - result[:, :3, :3] @ pivot
-    return result
 
 
 def _apply(matrices: np.ndarray, positions: np.ndarray) -> np.ndarray:

@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
-from scipy.spatial.transform import Rotation
 
 from blendcap.data import Animation, Camera, Rig, landmarks68
 from blendcap.rendering.camera import look_at
 from blendcap.synthetic.color import Take, drift, film, one_light, room
+from blendcap.synthetic.motion import motion_matrices
 from blendcap.synthetic.performer import Performer
 from blendcap.synthetic.shot import Shot
 
@@ -57,7 +57,7 @@ def photographs(
     background = np.ones((size[1], size[0], 3)) * rng.uniform(0.5, 0.75)
     shots = []
     for number, (name, angle) in enumerate(ANGLES.items()):
-        head = _matrices(rng.normal(size=(1, 6)) * np.repeat([2.5, np.deg2rad(1.5)], 3), _neck(rig))
+        head = motion_matrices(rng.normal(size=(1, 6)) * np.repeat([2.5, np.deg2rad(1.5)], 3), _neck(rig))
         still = Animation(weights[None], names, 1.0, head)
         camera = _camera(rig, size, angle + 2 * rng.normal(), 2 * rng.normal(), 1300.0, 0.50, rng)
         gain = np.full((1, 3), np.exp(0.08 * rng.normal()))
@@ -92,7 +92,7 @@ def head_motion(rig: Rig, count: int, rate: float, *, seed: int, size: tuple[flo
     pad = int(2 * rate)
     path = gaussian_filter1d(rng.normal(size=(count + 2 * pad, 6)), 0.3 * rate, axis=0)[pad : pad + count]
     path *= np.sqrt(2 * 0.3 * rate * np.sqrt(np.pi))  # unit variance at every length of the take
-    return _matrices(path / np.sqrt(3) * np.repeat([size[0], np.deg2rad(size[1])], 3), _neck(rig))
+    return motion_matrices(path / np.sqrt(3) * np.repeat([size[0], np.deg2rad(size[1])], 3), _neck(rig))
 
 
 def _camera(rig: Rig, size, yaw: float, pitch: float, distance: float, part: float, rng) -> Camera:
@@ -114,11 +114,3 @@ def _neck(rig: Rig) -> np.ndarray:
     """About where the head turns: below the ears."""
     marks = landmarks68(rig).positions(rig.mesh)
     return marks[[0, 16]].mean(0) - [0, 0.5 * abs(marks[27, 1] - marks[8, 1]), 0]
-
-
-def _matrices(motion: np.ndarray, pivot: np.ndarray) -> np.ndarray:
-    """(T, 4, 4) of translations, mm, and rotation vectors (T, 6) about a pivot."""
-    result = np.tile(np.eye(4), (len(motion), 1, 1))
-    result[:, :3, :3] = Rotation.from_rotvec(motion[:, 3:]).as_matrix()
-    result[:, :3, 3] = motion[:, :3] + pivot - result[:, :3, :3] @ pivot
-    return result

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
+from blendcap.data import InputError
+
 Color = tuple[float, float, float]
+CUTS = ("bald", "buzz", "short")
 
 
-class Look(NamedTuple):
+@dataclass(frozen=True)
+class Look:
     """Colors (linear RGB, 0 to 1) and hair of one person; lengths in mm on the plain mannequin.
 
     Parameters
@@ -53,6 +57,23 @@ class Look(NamedTuple):
     hairline: float = 0.0
     temples: float = 0.0
     grain: int = 0
+
+    def __post_init__(self):
+        if self.cut not in CUTS:
+            raise InputError(f"There is no cut {self.cut!r}; choose one of {', '.join(CUTS)}.")
+
+    def but(self, **features) -> Look:
+        """The same look with other features, by the names above.
+
+        Raises
+        ------
+        InputError
+            If a look has no such feature.
+        """
+        known = [field.name for field in fields(self)]
+        if unknown := [name for name in features if name not in known]:
+            raise InputError(f"A look has no feature {unknown[0]!r}; it has {', '.join(known)}.")
+        return replace(self, **features)
 
 
 LOOKS = {
