@@ -11,10 +11,10 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
 from blendcap.data import InputError, Rig, landmarks68
+from blendcap.data.anatomy import clear_vertices
 from blendcap.numerics.barycentric import barycentric_flat
 from blendcap.numerics.geodesic import weld
 from blendcap.rendering import vertex_normals
-from blendcap.rendering.appearance import hidden_vertices
 from blendcap.rendering.rasterize import visibility
 
 TEXELS = 2048  # of a side of the paint
@@ -44,7 +44,7 @@ class Stroke:
 
 def drawn_faces(rig: Rig) -> np.ndarray:
     """(F,) bool: all but lashes and the clear layers over the eyes, which a picture without transparency leaves out."""
-    return np.asarray(~hidden_vertices(rig)[rig.mesh.faces].any(1))
+    return np.asarray(~clear_vertices(rig)[rig.mesh.faces].any(1))
 
 
 def skin_faces(rig: Rig) -> np.ndarray:
