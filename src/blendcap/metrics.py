@@ -85,6 +85,11 @@ def evaluate(answer: Animation, truth: Animation, rig: Rig, *, truth_rig: Rig | 
         What really moved, on the same vertices: a performer who is not the rig. Vertices, lids and lips are then
         compared between the two rigs, neutral faces included.
 
+    Returns
+    -------
+    metrics : Metrics
+        Lengths in mm.
+
     Raises
     ------
     InputError

@@ -80,7 +80,13 @@ class Animation:
         return confidence
 
     def select(self, names) -> Animation:
-        """The animation of only these shapes, in this order."""
+        """The animation of only these shapes, in this order.
+
+        Raises
+        ------
+        InputError
+            If it lacks one.
+        """
         place = {name: i for i, name in enumerate(self.names)}
         unknown = [n for n in names if n not in place]
         if unknown:

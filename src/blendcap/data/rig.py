@@ -107,7 +107,13 @@ class Rig:
         return bounds
 
     def index(self, name: str) -> int:
-        """The place of a shape, by name."""
+        """The place of a shape, by name.
+
+        Raises
+        ------
+        InputError
+            If there is no such shape.
+        """
         try:
             return self.names.index(name)
         except ValueError:
@@ -115,7 +121,13 @@ class Rig:
             raise InputError(f"The rig {self.name!r} has no shape named {name!r}; it has {known} ...") from None
 
     def pose(self, weights: np.ndarray) -> np.ndarray:
-        """Vertices under weights (N,) or (T, N): (V, 3) or (T, V, 3), mm."""
+        """Vertices under weights (N,) or (T, N): (V, 3) or (T, V, 3), mm.
+
+        Raises
+        ------
+        InputError
+            If there are not as many weights as shapes.
+        """
         weights = np.asarray(weights, dtype=np.float64)
         if weights.ndim not in (1, 2) or weights.shape[-1] != len(self.names):
             raise InputError(f"The rig has {len(self.names)} shapes, but the weights have the shape {weights.shape}.")
@@ -124,7 +136,13 @@ class Rig:
         return self.mesh.vertices + moved.reshape(*weights.shape[:-1], -1, 3).astype(np.float64)
 
     def sample(self, points: SurfacePoints) -> tuple[np.ndarray, np.ndarray]:
-        """Rest positions (M, 3) and deltas (N, M, 3) at points on the surface, mm, float64."""
+        """Rest positions (M, 3) and deltas (N, M, 3) at points on the surface, mm, float64.
+
+        Raises
+        ------
+        InputError
+            If the points belong to another mesh.
+        """
         matrix = points.matrix(self.mesh)
         touched = np.unique(matrix.indices)
         local = self.deltas[:, touched].astype(np.float64)
@@ -132,7 +150,13 @@ class Rig:
         return np.asarray(matrix @ self.mesh.vertices), deltas
 
     def select(self, names) -> Rig:
-        """The rig with only these shapes, in this order."""
+        """The rig with only these shapes, in this order.
+
+        Raises
+        ------
+        InputError
+            If it lacks one.
+        """
         names = tuple(names)
         rows = np.array([self.index(n) for n in names], dtype=np.int64)
         place = {int(row): i for i, row in enumerate(rows)}

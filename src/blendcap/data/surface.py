@@ -69,11 +69,23 @@ class SurfacePoints:
         return sparse.csr_matrix((self.barycentric.ravel(), (rows, columns)), shape=shape)
 
     def positions(self, mesh: Mesh) -> np.ndarray:
-        """Where the points lie on the mesh, (M, 3), mm."""
+        """Where the points lie on the mesh, (M, 3), mm.
+
+        Raises
+        ------
+        InputError
+            If the points belong to another mesh.
+        """
         return np.asarray(self.matrix(mesh) @ mesh.vertices)
 
     def select(self, names) -> SurfacePoints:
-        """The points of these names, in this order."""
+        """The points of these names, in this order.
+
+        Raises
+        ------
+        InputError
+            If there is none of a name.
+        """
         place = {name: i for i, name in enumerate(self.names)}
         missing = [name for name in names if name not in place]
         if missing:
@@ -83,7 +95,13 @@ class SurfacePoints:
 
     @classmethod
     def at_vertices(cls, names, vertices, mesh: Mesh) -> SurfacePoints:
-        """Points that sit exactly on vertices (M,) of the mesh."""
+        """Points that sit exactly on vertices (M,) of the mesh.
+
+        Raises
+        ------
+        InputError
+            If a vertex is not there or belongs to no face.
+        """
         vertices = checks.indices(vertices, len(mesh.vertices), (len(names),), "The points' vertices", "vertex")
         used = mesh.faces.ravel()
         first = np.full(len(mesh.vertices), -1)

@@ -67,7 +67,13 @@ class MarkerTake:
         return np.isnan(self.positions[..., 0])
 
     def select(self, names) -> MarkerTake:
-        """The take with only these markers, in this order."""
+        """The take with only these markers, in this order.
+
+        Raises
+        ------
+        InputError
+            If it lacks one.
+        """
         place = {name: i for i, name in enumerate(self.names)}
         unknown = [n for n in names if n not in place]
         if unknown:

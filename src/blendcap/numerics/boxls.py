@@ -57,6 +57,12 @@ def solve_box(
         NaN in the frames that hold a number that is not finite; the other frames do not notice.
     certificate : Certificate
         The optimality residual of every frame, formed from the weights alone.
+
+    Raises
+    ------
+    InputError
+        If the matrix is not symmetric, has more than 320 unknowns or a negative curvature, bounds cross, or shapes do
+        not fit together.
     """
     problem = box_problem(gram, linear, diagonal, lower, upper, rows, missing)
     start = None if start is None else array(start, problem.linear.shape, "start")
