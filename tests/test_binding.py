@@ -222,6 +222,12 @@ class TestRefusals:
         with pytest.raises(InputError, match="'m00'"):
             bind(rig, rom[0].select(rom[0].names[1:]), given)
 
+    @pytest.mark.parametrize("method", ["weighed", "given", "paper"])
+    def test_points_of_another_mesh(self, rig, given, rom, method):
+        other = SurfacePoints(given.names, given.faces + len(rig.mesh.faces), given.barycentric)
+        with pytest.raises(InputError, match="belong to another mesh"):
+            bind(rig, rom[0], other, rom[0], method=method)
+
     def test_a_marker_that_is_never_seen(self, rig, given, rom):
         positions = rom[0].positions.copy()
         positions[:, 5] = np.nan

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from blendcap import InputError
 from blendcap.numerics import _descent
-from blendcap.numerics._boxproblem import box_problem
+from blendcap.numerics._boxproblem import box_problem, residuals
 from blendcap.numerics._pivoting import workspace
 from blendcap.numerics.boxls import idle_unknowns, solve_box
 
@@ -29,6 +29,24 @@ def test_a_diagonal_problem_is_a_clip():
     assert_same(weights, np.clip(-linear / curvature, 0, 1), 1e-14)
     assert certificate.converged
     assert certificate.max_kkt < 1e-14
+
+
+@pytest.mark.parametrize("coupled", [False, True])
+def test_a_frame_is_judged_by_the_markers_that_it_sees(coupled):
+    """The residual is scaled by the curvature that is there: with a lost marker's it would look smaller."""
+    rng = np.random.default_rng(8)
+    rows, missing = rng.normal(size=(9, 3, 6)) * np.arange(1, 10)[:, None, None], rng.random((40, 9)) < 0.6
+    gram = np.einsum("mki,mkj->ij", rows, rows) + 0.1 * np.eye(6)
+    linear, weights = 20 * rng.normal(size=(40, 6)), rng.random((40, 6))
+    coupling = np.r_[np.zeros((1, 6)), rng.random((39, 6))] if coupled else np.zeros((40, 6))
+    own = residuals(box_problem(gram, linear, None, 0, 1, rows, missing), weights, coupling if coupled else None)
+    for t in range(40):
+        seen = gram - np.einsum("mki,mkj->ij", rows[missing[t]], rows[missing[t]])
+        slope, stiff = seen @ weights[t] + linear[t], np.diag(seen).copy()
+        for side, links in ((t - 1, coupling[t]), (t + 1, coupling[t + 1] if t < 39 else np.zeros(6))):
+            slope += links * (weights[t] - weights[min(side, 39)])
+            stiff += links
+        assert own[t] == pytest.approx(np.abs(weights[t] - np.clip(weights[t] - slope / stiff, 0, 1)).max(), abs=1e-12)
 
 
 @pytest.mark.parametrize("frames", [1, 5, 130])

@@ -64,6 +64,17 @@ def test_nothing_is_extrapolated():
     assert fill_gaps(once, longest=10).missing[:, 0].sum() == 59
 
 
+@pytest.mark.parametrize("longest", [np.inf, np.nan, -0.1])
+def test_a_gap_has_a_length(longest):
+    with pytest.raises(InputError, match="number of seconds"):
+        fill_gaps(moving(), longest)
+
+
+def test_a_gap_may_be_as_long_as_any_take():
+    holed = without(moving(), slice(2, 58))
+    assert not fill_gaps(holed, longest=1e308).missing.any()
+
+
 @given(st.lists(st.booleans(), min_size=12, max_size=40), st.integers(0, 6), st.integers(0, 99))
 @settings(max_examples=60, deadline=None)
 def test_a_bridge_stays_between_its_ends(missing, limit, seed):

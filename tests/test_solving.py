@@ -6,7 +6,8 @@ from scipy.optimize import lsq_linear
 
 from blendcap.data import InputError
 from blendcap.numerics.boxls import solve_box
-from blendcap.solving.learned import HELMET_RIDGE, HELMET_STEP, _pull_along, solve_learned
+from blendcap.solving.curves import Curves
+from blendcap.solving.learned import HELMET_RIDGE, HELMET_STEP, _Belief, _pull_along, _terms, solve_learned
 from blendcap.solving.live import REFRESH, LiveSolver, solve_live
 from blendcap.solving.noise import marker_noise
 from blendcap.solving.paper import solve_paper
@@ -18,13 +19,14 @@ from blendcap.solving.prior import (
     STEP_FLOOR,
     TakePrior,
     learn_prior,
+    resting,
     step_weights,
     symmetric_prior,
     trend,
 )
 from blendcap.solving.rows import MarkerRows, marker_rows
 from blendcap.solving.settings import SolveSettings
-from blendcap.solving.visibility import weight_errors
+from blendcap.solving.visibility import Kinship, weight_errors
 
 SHAPES, MARKERS, FRAMES = 5, 8, 14
 MIRROR = np.array([1, 0, 3, 2, 4])
@@ -271,6 +273,18 @@ def test_a_quick_shape_may_go_farther_than_it_does_on_average():
     assert np.array_equal(reaching.steps, prior.steps)
 
 
+def test_of_two_that_exclude_each_other_the_smaller_rests():
+    weights = np.tile([0.5, 0.2, 0.0, 0.0, 0.9], (20, 1))
+    weights[10:, :2] = [0.1, 0.3]
+    opposite = np.array([1, 0, 3, 2, 4])
+    smaller = resting(weights, opposite)
+    assert not smaller[:, 2:].any()  # none of two at rest, and not what nothing excludes
+    assert smaller[:8, 1].all() and smaller[12:, 0].all() and not (smaller[:, 0] & smaller[:, 1]).any()
+    flicker = weights.copy()
+    flicker[3, :2] = [0.2, 0.25]
+    assert np.array_equal(resting(flicker, opposite), smaller)  # a frame of noise decides nothing
+
+
 def test_an_event_is_charged_less_than_rest():
     weights = np.zeros((30, SHAPES))
     weights[15:, 0] = 0.8
@@ -338,6 +352,51 @@ def test_short_blinks_of_lids_that_the_markers_hardly_see_are_not_muted(seed):
     true = truth[:, 4] - truth[:, 4].mean()
     assert 0.8 < true @ answer / (true @ true) < 1.05
     assert answer[truth[:, 4] == 0].mean() < 0.06
+
+
+def test_energies_are_the_objective():
+    """With all that may stand in it: `E(a) - E(b)` is the difference of what the solver is told to minimise."""
+    rows, truth = random_rows()
+    rng = np.random.default_rng(4)
+    belief = _Belief(
+        symmetric_prior(MIRROR, 0.9, 30.0), 0.4, rng.uniform(0.5, 2, (FRAMES, SHAPES)),
+        np.pad(rng.normal(scale=0.1, size=(FRAMES - 1, SHAPES)), ((1, 0), (0, 0))), np.zeros(SHAPES, bool),
+        rng.random((FRAMES, SHAPES)) < 0.3, np.linspace(0.2, 1, MARKERS),
+    )  # fmt: skip
+    curves = Curves(*rng.random((2, FRAMES, SHAPES)))
+    terms = _terms(rows, belief, 30.0, 0.7, curves, np.full(SHAPES, 0.2))
+    diagonal, pull = terms.diagonal_and_pull()
+    assert diagonal[:, :SHAPES][belief.resting].min() > 100 and not diagonal[:, SHAPES:].any()
+
+    def told(a):
+        value = 2 * ((terms.rows.linear + pull + _pull_along(terms.coupling, terms.foretold)) * a).sum()
+        for t in range(FRAMES):
+            h = terms.rows.rows[~rows.missing[t]].reshape(-1, a.shape[1])
+            value += a[t] @ (h.T @ h + terms.precision + np.diag(diagonal[t])) @ a[t]
+        return value + (terms.coupling[1:] * np.diff(a, axis=0) ** 2).sum()
+
+    one, other = truth, rng.random(truth.shape)
+    apart = sum(e.sum() for e in terms.energies(one).values()) - sum(e.sum() for e in terms.energies(other).values())
+    assert apart == pytest.approx(told(one) - told(other))
+
+
+def test_two_that_exclude_each_other_are_not_on_together():
+    """What the rig lacks looks like a bit of both, beside a motion that is now the one and now the other."""
+    rng = np.random.default_rng(6)
+    columns = rng.normal(size=(SHAPES, MARKERS, 3))
+    columns[1] = -0.8 * columns[0] + 0.3 * columns[1]
+    truth = np.zeros((200, SHAPES))
+    truth[:, 0] = 0.6 * np.clip(np.sin(np.arange(200) / 15), 0, None)
+    truth[:, 1] = 0.6 * np.clip(-np.sin(np.arange(200) / 15), 0, None)
+    lacked = 0.2 * (columns[0] + columns[1])
+    moved = np.tensordot(truth, columns, 1) + lacked + rng.normal(scale=0.2, size=(200, MARKERS, 3))
+    rows = marker_rows(columns, np.empty((0, MARKERS, 3)), moved, np.tile([0.0, 1.0], (SHAPES, 1)), -1.0)
+    none = np.zeros(SHAPES, bool)
+    kin = Kinship(MIRROR, np.array([1, 0, 2, 3, 4]), none, none)
+    free, decided = (solve_learned(rows, MIRROR, 60.0, 0.2, kinship=k).unknowns for k in (None, kin))
+    both = [np.minimum(w[:, 0], w[:, 1]).max() for w in (free, decided)]
+    assert both[0] > 0.1 and both[1] < 0.01
+    assert np.abs(decided - truth)[:, :2].mean() < np.abs(free - truth)[:, :2].mean()
 
 
 def long_rows(seed=3, noise=0.05, gaps=0.1):

@@ -68,8 +68,8 @@ def bind(
     Raises
     ------
     InputError
-        If a label is unknown, a marker is missing throughout, fewer than four markers are left, or the method needs a
-        range of motion and there is none.
+        If a label is unknown, a point belongs to another mesh, a marker is missing throughout, fewer than four markers
+        are left, or the method needs a range of motion and there is none.
     """
     if method not in METHODS:
         raise InputError(f"The binding method {method!r} is unknown; choose one of {', '.join(METHODS)}.")
@@ -122,6 +122,7 @@ def _given_places(
         return find_places(rig, take, frame=neutral)
     if isinstance(correspondences, SurfacePoints):
         take.select(correspondences.names)  # says which label is unknown
+        correspondences.matrix(rig.mesh)  # says which point lies on no face of the rig
         return correspondences
     given = resolve(rig, correspondences, take.names)
     unused = [name for name in take.names if name not in given.names]

@@ -78,10 +78,17 @@ def fill_gaps(take: MarkerTake, longest: float = 0.1) -> MarkerTake:
     ----------
     longest : float
         Longest gap that is filled, s. At 0.1 s a syllable or a blink can hide in a gap; longer is guessing.
+
+    Raises
+    ------
+    InputError
+        If `longest` is no number of seconds, or negative.
     """
     from scipy.interpolate import PchipInterpolator
 
-    limit = int(np.floor(longest * take.rate + 1e-9))
+    if not 0 <= longest < np.inf:
+        raise InputError(f"The longest gap to fill must be a number of seconds from 0 on, but is {longest!r}.")
+    limit = int(np.floor(min(longest * take.rate, len(take.positions)) + 1e-9))
     missing = take.missing
     fill = _short_gaps(missing, limit)
     if not fill.any():

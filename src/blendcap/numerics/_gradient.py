@@ -19,6 +19,8 @@ from blendcap.numerics._lanes import (
 )
 from blendcap.numerics._products import add_products_pair, aligned, panels
 
+UNSEEN = 1e-6  # part of its whole curvature: an unknown that a frame sees less of is not seen there
+
 
 @njit(parallel=True, error_model="numpy", cache=True)
 def gradients(box, coupling, x, g, todo, blocks):
@@ -38,15 +40,17 @@ def gradients(box, coupling, x, g, todo, blocks):
 def worst_residuals(box, coupling, curvature, x, worst, blocks):
     """`max_i |x - clip(x - gradient / (2 diag H), lower, upper)|` of each frame, infinite where it is not a number."""
     frames, m = x.shape
-    gram, _, diagonal, lower, upper, _, _ = box
+    gram, _, diagonal, lower, upper, rows, missing = box
     for b in prange(blocks):
-        h = np.zeros(gram.shape[1])
+        h, lost = np.zeros(gram.shape[1]), np.zeros(gram.shape[1])
         for t in range(b * frames // blocks, (b + 1) * frames // blocks):
             slope(box, coupling, x, t, h)
+            lost_curvature(rows, missing, t, lost)
             d = diagonal[t if len(diagonal) > 1 else 0]
             largest, total = 0.0, 0.0
             for i in range(m):
-                stiff = max(curvature[i], gram[i, i] + d[i])
+                full = max(curvature[i], gram[i, i] + d[i])
+                stiff = max(full - lost[i], UNSEEN * full)
                 if len(coupling):
                     stiff += coupling[t, i] + (coupling[t + 1, i] if t + 1 < frames else 0.0)
                 a = x[t, i]
@@ -54,6 +58,18 @@ def worst_residuals(box, coupling, curvature, x, worst, blocks):
                 largest = max(largest, abs(step))
                 total += h[i] + a  # maxima hide a NaN, sums do not
             worst[t] = largest if np.isfinite(total) else np.inf
+
+
+@njit(fastmath=FAST, error_model="numpy", cache=True)
+def lost_curvature(rows, missing, t, lost):
+    """lost = what the markers that frame t lacks would add to the diagonal of its Gram matrix."""
+    lost[:] = 0.0
+    for k in range(missing.shape[1]):
+        if missing[t, k]:
+            for p in range(rows.shape[1]):
+                row = rows[k, p]
+                for j in range(lost.size):
+                    lost[j] += row[j] * row[j]
 
 
 @njit(parallel=True, error_model="numpy", cache=True)

@@ -14,10 +14,13 @@ from blendcap.solving.curves import CURVE_ERROR, Curves
 from blendcap.solving.prior import (
     HELMET_RIDGE,
     HELMET_STEP,
+    HOLD,
     QUICK,
+    START_DEVIATION,
     TakePrior,
     learn_prior,
     posterior,
+    resting,
     step_weights,
     symmetric_prior,
     trend,
@@ -83,8 +86,9 @@ def solve_learned(
     `|y_t - B a_t - R u_t|² + s² a_t' C⁻¹ a_t + sum_i s² w_ti / q_i (a_ti - a_(t-1)i)²` with `0 <= a <= 1`,
     where s is the noise, C the covariance of poses, q the variance of steps and w their Student weights;
     C, q and w are re-estimated between passes. From the second pass on shapes that the markers cannot tell are held at
-    rest (`held_shapes`), markers that went astray count less (`trust`), and a quick shape's step is charged for what it
-    differs from the `trend` of the answer before. Curves add `sum_i s² / e_i² c_ti (a_ti - ã_ti)²` (Eq. 4, Eq. 38) with
+    rest (`held_shapes`), and so is, frame by frame, the smaller of two that exclude each other (`resting`). Markers
+    that went astray count less (`trust`), and a quick shape's step is charged for what it differs from the `trend` of
+    the answer before. Curves add `sum_i s² / e_i² c_ti (a_ti - ã_ti)²` (Eq. 4, Eq. 38) with
     their confidence c; a solve of the markers alone before puts the curves of shapes that markers see on their scale
     and tells how far each still errs, e_i. A curve of a shape that no marker sees counts in full.
 
@@ -148,6 +152,8 @@ class _Belief:
     factors, foretold : (T, N)
         Student weights of the steps, and the steps that quick shapes are about to make; one row before any is known.
     held : (N,) bool
+    resting : (T, N) bool
+        Shapes at rest because one that excludes them is on; one row before any is known.
     trusted : (M,)
     """
 
@@ -156,22 +162,25 @@ class _Belief:
     factors: np.ndarray
     foretold: np.ndarray
     held: np.ndarray
+    resting: np.ndarray
     trusted: np.ndarray
 
     @staticmethod
     def first(prior: TakePrior, noise: float, quick: np.ndarray, markers: int) -> _Belief:
-        still = np.zeros((1, len(quick)))
-        return _Belief(
-            prior, noise, np.where(quick, QUICK, still + 1), still, np.zeros(len(quick), dtype=bool), np.ones(markers)
-        )
+        none = np.zeros((1, len(quick)), dtype=bool)
+        return _Belief(prior, noise, np.where(quick, QUICK, ~none), 0.0 * none, none[0], none, np.ones(markers))
 
 
 @dataclass(frozen=True, eq=False)
 class _Terms:
-    """The quadratic that one pass minimises, mm²; `rows` are weighed by trust, `told_error` (N,) is of the curves."""
+    """The quadratic that one pass minimises, mm²; `rows` are weighed by trust, `told_error` (N,) is of the curves.
+
+    `hold` (T, N) is what each frame adds to the curvature of the shapes that rest in it.
+    """
 
     rows: MarkerRows
     precision: np.ndarray
+    hold: np.ndarray
     coupling: np.ndarray
     foretold: np.ndarray
     curves: Curves | None
@@ -190,8 +199,13 @@ class _Terms:
         return unknowns, certificate
 
     def diagonal_and_pull(self) -> tuple[np.ndarray | None, np.ndarray | float]:
-        """What the curves add to each frame's diagonal and linear term."""
-        return (None, 0.0) if self.curves is None else self.curves.terms(self.strength, len(self.rows.lower))
+        """What resting shapes and the curves add to each frame's diagonal and linear term."""
+        size = len(self.rows.lower)
+        diagonal, pull = (None, 0.0) if self.curves is None else self.curves.terms(self.strength, size)
+        if self.hold.any():
+            hold = np.pad(self.hold, ((0, 0), (0, size - self.rows.shapes)))
+            diagonal = hold if diagonal is None else diagonal + hold
+        return diagonal, pull
 
     def told(self) -> np.ndarray:
         """(N,) one over variance of what the curves tell of each weight."""
@@ -205,7 +219,8 @@ class _Terms:
         steps = steps**2 * self.coupling
         energies = {
             "markers": np.nansum(rows.errors(unknowns) ** 2, axis=1),
-            "prior": np.einsum("ti,ij,tj->t", unknowns, self.precision, unknowns, optimize=True),
+            "prior": np.einsum("ti,ij,tj->t", unknowns, self.precision, unknowns, optimize=True)
+            + (self.hold * unknowns[:, : rows.shapes] ** 2).sum(1),
             "smoothness": steps[:, : rows.shapes].sum(1),
             "helmet smoothness": steps[:, rows.shapes :].sum(1),
         }
@@ -220,6 +235,7 @@ def _terms(
     return _Terms(
         rows.weighed(belief.trusted),
         _precision(belief.prior, belief.noise, len(rows.lower)),
+        belief.resting * (belief.noise / (HOLD * START_DEVIATION)) ** 2,
         _coupling(rows, belief.prior, belief.noise, rate, smoothness * belief.factors),
         belief.foretold,
         curves,
@@ -243,7 +259,7 @@ def _learned(
     held = held_shapes(rows.weighed(trusted), lasting_noise(noise, least), kinship, terms.told())
     prior = prior.reaching(quick).holding(held)
     factors = step_weights(weights, prior, kinship.mirror, quick)
-    return _Belief(prior, noise, factors, trend(weights, quick), held, trusted)
+    return _Belief(prior, noise, factors, trend(weights, quick), held, resting(weights, kinship.opposite), trusted)
 
 
 def _pull_along(coupling: np.ndarray, foretold: np.ndarray) -> np.ndarray:

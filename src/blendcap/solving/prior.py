@@ -25,6 +25,7 @@ EVENT_FRAMES = 3
 QUICK = 0.1  # factor on the coupling of shapes that move within a few frames
 REACH = 1.25  # factor on the standard deviation of the same: it tells how long eyes are shut, not how far they close
 TREND = (1, 4, 6, 4, 1)  # weights of the neighbouring steps that foretell a step of theirs
+DECISION_FRAMES = 5  # over which it is decided which of two shapes rests
 FREQUENCIES = 16  # at which the posterior covariance is sampled
 
 
@@ -144,6 +145,22 @@ def trend(weights: np.ndarray, quick: np.ndarray) -> np.ndarray:
     """
     steps = correlate1d(np.diff(weights, axis=0), np.array(TREND) / sum(TREND), axis=0, mode="constant")
     return np.pad(steps * quick, ((1, 0), (0, 0)))
+
+
+def resting(weights: np.ndarray, opposite: np.ndarray) -> np.ndarray:
+    """(T, N) bool: of two shapes that exclude each other, the one that rests in each frame: the smaller.
+
+    A jaw goes to one side or the other. Where the rig fits the performer badly, both at once may explain a motion that
+    neither does, and no penalty that stays convex forbids that in all frames alike.
+
+    Parameters
+    ----------
+    weights : (T, N)
+        Of an answer that knows nothing of this.
+    opposite : (N,) int
+        The shape that excludes each shape; itself if none does.
+    """
+    return uniform_filter1d(weights - weights[:, opposite], DECISION_FRAMES, axis=0, mode="nearest") < 0
 
 
 def posterior(
