@@ -1,8 +1,9 @@
-"""Gradients and deformation gradients against closed forms."""
+"""Gradients, and what transfer asks of them, against closed forms."""
 
 import numpy as np
+import pytest
 
-from blendcap.modeling.gradients import deformation_gradients, gradient_operator, inverse_frames
+from blendcap.modeling.gradients import gradient_operator, hat_gradients, inverse_frames, transferred_pull
 from sheet import sheet_mesh
 
 
@@ -37,27 +38,47 @@ def test_the_weighted_operator_is_the_cotangent_laplacian():
     np.testing.assert_allclose(laplacian.sum(0), 0, atol=1e-12)
 
 
-def test_a_turn_is_its_own_deformation_gradient():
-    mesh, _, _ = faces_and_normals()
-    turn = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
-    turn *= np.linalg.det(turn)
-    maps = deformation_gradients(inverse_frames(mesh.vertices, mesh.faces), 1.7 * mesh.vertices @ turn.T, mesh.faces)
-    np.testing.assert_allclose(maps, np.broadcast_to(1.7 * turn, maps.shape), atol=1e-12)
+def pulled(rest, delta, faces, other, weights):
+    """The pull (V, 3) of a shape on another face, and its cost."""
+    planes = np.cross(other[faces[:, 1]] - other[faces[:, 0]], other[faces[:, 2]] - other[faces[:, 0]])
+    planes /= np.maximum(np.linalg.norm(planes, axis=1), 1e-300)[:, None]
+    pull = np.zeros(rest.shape)
+    hats, _ = hat_gradients(other, faces)
+    return pull, transferred_pull(rest, delta, faces, inverse_frames(rest, faces), hats, weights, planes, pull)
 
 
-def test_a_stretch_is_found_in_the_plane_of_each_triangle():
-    mesh, normals, _ = faces_and_normals()
+def test_a_turn_pulls_another_face_to_the_same_turn():
+    mesh, rng = faces_and_normals()[0], np.random.default_rng(0)
+    turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    turn *= 1.7 * np.linalg.det(turn)
+    delta, other = mesh.vertices @ turn.T - mesh.vertices, mesh.vertices * [1.3, 0.9, -0.7] + [5, 0, 0]
+    weights = rng.uniform(0.5, 2, len(mesh.faces))
+    pull, cost = pulled(mesh.vertices, delta, mesh.faces, other, weights)
+    gradient, _ = gradient_operator(other, mesh.faces)
+    wanted = gradient.T @ (np.repeat(weights, 3)[:, None] * (gradient @ (other @ turn.T - other - delta)))
+    np.testing.assert_allclose(pull, wanted, atol=1e-10)
+    missing = (gradient @ (other @ turn.T - other - delta)) * np.sqrt(np.repeat(weights, 3))[:, None]
+    assert cost == pytest.approx((missing**2).sum())
+
+
+def test_a_stretch_pulls_its_own_face_nowhere():
+    mesh = faces_and_normals()[0]
     stretch = np.array([[1.2, 0.1, 0], [0, 0.8, 0.3], [0.2, 0, 1.1]])
-    maps = deformation_gradients(inverse_frames(mesh.vertices, mesh.faces), mesh.vertices @ stretch.T, mesh.faces)
-    inside = np.eye(3) - normals[:, :, None] * normals[:, None]
-    np.testing.assert_allclose(maps @ inside, stretch @ inside, atol=1e-12)
+    delta = mesh.vertices @ stretch.T - mesh.vertices
+    pull, cost = pulled(mesh.vertices, delta, mesh.faces, mesh.vertices, np.ones(len(mesh.faces)))
+    np.testing.assert_allclose(pull, 0, atol=1e-12)
+    assert abs(cost) < 1e-12
 
 
-def test_flat_triangles_have_no_gradient_and_keep_the_identity():
-    vertices = np.array([[0, 0, 0], [1, 0, 0], [2, 0, 0], [0, 1, 0.0]])
-    faces = np.array([[0, 1, 2], [0, 1, 3]])
+def test_triangles_that_are_flat_or_do_not_move_ask_for_nothing():
+    vertices = np.array([[0, 0, 0], [1, 0, 0], [2, 0, 0], [0, 1, 0], [3, 1, 0.0]])
+    faces = np.array([[0, 1, 2], [0, 1, 3], [1, 4, 3]])
     operator, areas = gradient_operator(vertices, faces)
     assert areas[0] == 0 and not operator[:3].toarray().any()
-    maps = deformation_gradients(inverse_frames(vertices, faces), 2 * vertices, faces)
-    np.testing.assert_allclose(maps[0], np.eye(3))
-    np.testing.assert_allclose(maps[1], 2 * np.eye(3), atol=1e-12)
+    delta = np.zeros_like(vertices)
+    delta[2] = [0, 5, 0]  # a corner of the flat triangle only
+    pull, cost = pulled(vertices, delta, faces, 2 * vertices, np.ones(3))
+    assert not pull.any() and cost == 0
+    delta[0] = [-1, 0, 0]
+    pull, cost = pulled(vertices, delta, faces, 2 * vertices, np.ones(3))
+    assert pull[[0, 1, 3]].any(1).all() and not pull[4].any() and cost > 0

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import sparse
 
-from blendcap.modeling.gradients import deformation_gradients, gradient_operator, inverse_frames
+from blendcap.modeling.gradients import gradient_operator, hat_gradients, inverse_frames, transferred_pull
 from blendcap.numerics.leastsq import factorize
+from blendcap.numerics.surfaces import face_normals
 
 GAUGE = 1e-8  # of the diagonal: what holds a piece that no still vertex holds
 STILL = 0.02  # of a shape's largest motion: vertices below count as still where a piece has to be placed
@@ -97,9 +98,8 @@ def differences(faces: Faces, weights: np.ndarray | None = None) -> tuple[Differ
     """
     gradient, areas = gradient_operator(faces.rest, faces.faces)
     weights = areas if weights is None else weights
-    weighted = (gradient.T @ sparse.diags(np.repeat(weights, 3))).tocsr()
-    stiffness = sparse.csc_matrix(weighted @ gradient)
-    right, copied = _right_sides(faces, gradient, weights, weighted)
+    stiffness = sparse.csc_matrix(gradient.T @ sparse.diags(np.repeat(weights, 3)) @ gradient)
+    right, copied = _right_sides(faces, weights)
     free, floating = _unknowns(faces, stiffness)
     inner = sparse.csc_matrix(stiffness[free][:, free])
     factor = factorize(inner + sparse.diags(GAUGE * inner.diagonal() * floating[free]))
@@ -149,25 +149,18 @@ def _fields(columns: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(columns.reshape(len(columns), -1, 3).transpose(1, 0, 2))
 
 
-def _right_sides(faces: Faces, gradient, weights, weighted) -> tuple[np.ndarray, np.ndarray]:
+def _right_sides(faces: Faces, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The right-hand sides (V, 3 N) of all shapes, and what Eq. 24 costs at the copied ones, (N,)."""
     inverse = inverse_frames(faces.template, faces.faces)
-    a, b, c = (faces.rest[faces.faces[:, k]] for k in range(3))
-    normal = np.cross(b - a, c - a)
-    normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
-    right = np.empty((len(faces.rest), 3 * len(faces.deltas)))
-    before = np.empty(len(faces.deltas))
+    hats, _ = hat_gradients(faces.rest, faces.faces)
+    planes = face_normals(faces.rest, faces.faces)
+    planes /= np.maximum(np.linalg.norm(planes, axis=1), 1e-300)[:, None]
+    right = np.zeros((len(faces.deltas), len(faces.rest), 3))
+    copied = np.empty(len(faces.deltas))
     for i, delta in enumerate(faces.deltas):
-        moved = delta.any(1)
-        rows = np.flatnonzero(moved[faces.faces[:, 0]] | moved[faces.faces[:, 1]] | moved[faces.faces[:, 2]])
-        maps = deformation_gradients(inverse[rows], faces.template + delta, faces.faces[rows])
-        missing = -(gradient @ delta)
-        part = missing.reshape(-1, 3, 3)[rows] + maps.transpose(0, 2, 1) - np.eye(3)
-        missing.reshape(-1, 3, 3)[rows] = part
-        right[:, 3 * i : 3 * i + 3] = weighted @ missing
-        across = np.einsum("fk,fkc->fc", normal[rows], part)  # what no displacement in the triangle's plane can answer
-        before[i] = weights[rows] @ (np.einsum("fkc,fkc->f", part, part) - np.einsum("fc,fc->f", across, across))
-    return right, before
+        given = faces.template, delta, faces.faces, inverse, hats, weights, planes
+        copied[i] = transferred_pull(*given, right[i])
+    return _columns(right), copied
 
 
 def _unknowns(faces: Faces, stiffness) -> tuple[np.ndarray, np.ndarray]:

@@ -1,8 +1,9 @@
-"""How a surface is deformed, triangle by triangle: the gradient operator and deformation gradients."""
+"""How a surface is deformed, triangle by triangle: the gradient operator, and what transfer asks of gradients."""
 
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 from scipy import sparse
 
 FLAT = 1e-6  # a triangle whose height is this part of its longest edge, or less, has no plane
@@ -29,16 +30,21 @@ def gradient_operator(vertices: np.ndarray, faces: np.ndarray) -> tuple[sparse.c
     areas : (F,) float64
         mm²; 0 for flat triangles.
     """
+    hats, areas = hat_gradients(vertices, faces)
+    rows = np.repeat(np.arange(3 * len(faces)), 3)
+    columns = np.repeat(faces, 3, axis=0).ravel()
+    matrix = sparse.csr_matrix((hats.ravel(), (rows, columns)), shape=(3 * len(faces), len(vertices)))
+    return matrix, areas
+
+
+def hat_gradients(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The gradients (F, 3, 3) 1/mm of hat functions, a column for each corner, and areas; see `gradient_operator`."""
     first, second, normal = _edges(vertices, faces)
     areas, flat = _areas(first, second, normal)
     squared = np.where(flat, np.inf, (normal**2).sum(1))[:, None]
     # the gradient of a corner's hat function is its opposite edge, turned by 90 degrees in the plane, over 2 A
     two, three = np.cross(second, normal) / squared, np.cross(normal, first) / squared
-    hats = np.stack([-two - three, two, three], axis=2)
-    rows = np.repeat(np.arange(3 * len(faces)), 3)
-    columns = np.repeat(faces, 3, axis=0).ravel()
-    matrix = sparse.csr_matrix((hats.ravel(), (rows, columns)), shape=(3 * len(faces), len(vertices)))
-    return matrix, areas
+    return np.stack([-two - three, two, three], axis=2), areas
 
 
 def inverse_frames(rest: np.ndarray, faces: np.ndarray) -> np.ndarray:
@@ -52,14 +58,54 @@ def inverse_frames(rest: np.ndarray, faces: np.ndarray) -> np.ndarray:
     return inverse
 
 
-def deformation_gradients(inverse: np.ndarray, deformed: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """The affine map Q of each triangle (F, 3, 3) from rest to deformed (Eq. 18 to 21).
+@njit(cache=True, error_model="numpy")
+def transferred_pull(rest, delta, faces, inverse, hats, weights, planes, pull):
+    """Add `G' W (Q' - I - G delta)` to `pull` (V, 3), and return what `W |Q' - I - G delta|²` costs in the planes.
 
-    `inverse` is that of the rest's frames. A triangle that was flat at rest keeps the identity.
+    Q is the affine map of each triangle from rest to deformed (Eq. 18 to 21); a flat one keeps the identity. The pull
+    is what Eq. 25 lacks where the shape `delta` (V, 3) of one face is merely copied to another.
+
+    Parameters
+    ----------
+    rest, faces, inverse : (V, 3), (F, 3), (F, 3, 3)
+        The face that the shape is of, and `inverse_frames` of it.
+    hats, weights, planes : (F, 3, 3), (F,), (F, 3)
+        Of the other face: `hat_gradients`, what a triangle counts, and unit normals.
     """
-    maps = _frames(*_edges(deformed, faces)) @ inverse
-    maps[~inverse.any((1, 2))] = np.eye(3)
-    return maps
+    cost, frame, part = 0.0, np.empty((3, 3)), np.empty((3, 3))
+    for f in range(len(faces)):
+        corners = faces[f]
+        if not (delta[corners[0]].any() or delta[corners[1]].any() or delta[corners[2]].any()):
+            continue
+        _frame(rest, delta, corners, frame)
+        flat = not inverse[f].any()
+        for k in range(3):
+            for c in range(3):
+                part[k, c] = 0.0 if flat else -1.0 * (k == c)
+                for j in range(3):
+                    part[k, c] += frame[c, j] * inverse[f, j, k] - hats[f, k, j] * delta[corners[j], c]
+        for c in range(3):
+            across = planes[f, 0] * part[0, c] + planes[f, 1] * part[1, c] + planes[f, 2] * part[2, c]
+            cost += weights[f] * (part[0, c] ** 2 + part[1, c] ** 2 + part[2, c] ** 2 - across**2)
+            for j in range(3):
+                along = hats[f, 0, j] * part[0, c] + hats[f, 1, j] * part[1, c] + hats[f, 2, j] * part[2, c]
+                pull[corners[j], c] += weights[f] * along
+    return cost
+
+
+@njit(cache=True, error_model="numpy")
+def _frame(rest, delta, corners, frame):
+    """Two edges of a deformed triangle and its normal, as long as an edge, as columns of `frame` (Eq. 18)."""
+    first, second, third = corners
+    for c in range(3):
+        frame[c, 0] = rest[second, c] + delta[second, c] - rest[first, c] - delta[first, c]
+        frame[c, 1] = rest[third, c] + delta[third, c] - rest[first, c] - delta[first, c]
+    for c in range(3):
+        a, b = (c + 1) % 3, (c + 2) % 3
+        frame[c, 2] = frame[a, 0] * frame[b, 1] - frame[b, 0] * frame[a, 1]
+    length = np.sqrt(max(np.sqrt(frame[0, 2] ** 2 + frame[1, 2] ** 2 + frame[2, 2] ** 2), 1e-300))
+    for c in range(3):
+        frame[c, 2] /= length
 
 
 def _edges(vertices, faces) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
