@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 import blendcap
 import masks
 from blendcap.data import InputError, Mesh, Rig, SurfacePoints
+from blendcap.modeling import template
 from blendcap.modeling.affine import AffineField
 from blendcap.modeling.matching import ScanSurface
 from blendcap.modeling.nonrigid import fit_skin
@@ -352,3 +353,53 @@ def test_a_mannequin_of_another_person_comes_back():
     for name in ("eyes", "teeth"):
         assert missed[rig.regions[name]].mean() < 2.5
     assert isinstance(points, SurfacePoints)
+
+
+def test_a_match_that_comes_and_goes_is_given_up():
+    """One vertex is drawn aside in every second step, as at an ear; the level settles all the same."""
+    odd = int(np.argmin((PARAMETERS**2).sum(1)))
+    targets = TEMPLATE.vertices.copy()
+    targets[odd, 2] += 8
+
+    class Surface:
+        calls = 0
+
+        def closest(self, places):
+            return targets, np.linalg.norm(places - targets, axis=1), np.zeros(len(places), np.int64)
+
+        def believable(self, faces, *_):
+            self.calls += 1
+            return (np.arange(len(faces)) != odd) | (self.calls % 2 == 0)
+
+    soft = replace(SCHEDULES["even"], stiffness=(0.3,), landmarks=(0.0,), memory=0)
+    nothing = sparse.csr_matrix((0, len(targets))), np.zeros((0, 3))
+    fit = fit_skin(TEMPLATE.vertices, find_skin(TEMPLATE), Surface(), *nothing, soft, "auto", None)
+    assert fit.levels[0].converged and fit.levels[0].steps < 20
+    assert np.linalg.norm(fit.vertices[odd] - TEMPLATE.vertices[odd]) < 0.1
+
+
+def test_free_vertices_are_not_drawn_to_the_scan():
+    scan, pairs = masks.scan(**OTHER), masks.landmarks(TEMPLATE, PARAMETERS, **OTHER)
+    free = np.flatnonzero(np.hypot(PARAMETERS[:, 0] - 0.45, PARAMETERS[:, 1] - 0.4) < 0.2)
+    result = register(TEMPLATE, scan, pairs, free=free)
+    assert np.isnan(result.distance[free]).all()
+    others = np.setdiff1d(np.flatnonzero(inside()), free)
+    assert np.isfinite(result.distance[others]).mean() > 0.95
+    assert error(result, **OTHER)[free].mean() < 2.5  # they follow
+    for wrong in ([-1], [len(TEMPLATE.vertices)], [0.5], [[1]]):
+        with pytest.raises(InputError, match="free vertices"):
+            register(TEMPLATE, scan, pairs, free=wrong)
+
+
+@pytest.mark.parametrize(("outside", "joined"), [(True, True), (False, False)])
+def test_two_sides_are_joined_through_flesh_but_not_through_air(outside, joined):
+    parameters, faces = masks.sheet(9, 9)
+    flat = np.column_stack([50 * parameters, np.ones(len(parameters))])
+    lower = flat * [1, 1, -1]
+    a, b, c = flat[faces[0]]
+    up, down = (faces, faces[:, ::-1]) if (np.cross(b - a, c - a)[2] > 0) == outside else (faces[:, ::-1], faces)
+    vertices, both = np.concatenate([flat, lower]), np.concatenate([up, down + len(flat)])
+    seen = np.arange(len(vertices)) < len(flat)
+    pairs = template._walls(vertices, both, seen)
+    expected = np.stack([np.arange(len(flat)) + len(flat), np.arange(len(flat))], axis=1)
+    np.testing.assert_array_equal(pairs, expected if joined else np.zeros((0, 2)))

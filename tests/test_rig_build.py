@@ -11,7 +11,7 @@ import blendcap
 import masks
 from blendcap.cli import main
 from blendcap.cli.progress import Progress
-from blendcap.cli.rig_examples import refined
+from blendcap.cli.rig_examples import read_examples, refined
 from blendcap.data import InputError, Mesh, Rig, SurfacePoints
 from blendcap.modeling.build import build_rig
 from blendcap.modeling.examples import asked_for
@@ -78,7 +78,8 @@ def test_a_unit_guessed_wrongly_is_mended_by_the_face(folder, capsys):
     assert main(BUILD[:7]) == 0
     said = capsys.readouterr().out
     assert "taken to be in decimetres" in said and "so the unit was wrong" in said
-    assert np.ptp(blendcap.read_rig(folder / "actor.npz").mesh.vertices[:, 0]) == pytest.approx(2 * 78, rel=0.2)
+    size = np.ptp(blendcap.read_rig(folder / "actor.npz").mesh.vertices[:, 0])
+    assert size == pytest.approx(np.ptp(TEMPLATE.vertices[:, 0]), rel=0.15)  # "as large": nothing tells the true size
 
 
 def test_inward_normals_are_turned_and_said(folder, capsys):
@@ -143,6 +144,31 @@ def test_a_folder_without_examples_is_said(folder, capsys, make, words):
     assert words in capsys.readouterr().err
 
 
+def test_a_bad_example_is_refused_before_the_work(folder, capsys, monkeypatch):
+    (folder / "more").mkdir()
+    blendcap.write_mesh(folder / "more" / "browInnerUp.obj", masks.scan(**OTHER))
+    body = masks.scan(**OTHER)
+    blendcap.write_mesh(folder / "more" / "walk.obj", body.with_vertices(body.vertices * [9, 9, 1.2]))
+    monkeypatch.setattr("blendcap.modeling.build.build_rig", lambda *_, **__: pytest.fail("the work began"))
+    assert main([*BUILD, "--examples", "more"]) == 1
+    said = capsys.readouterr().err
+    assert "walk.obj cannot be used" in said and "whole body" in said
+
+
+@pytest.mark.parametrize(
+    ("order", "words"),
+    [([0, 1, 3, 2, 5, 4, 6, 7, 8, 10, 9, 11], "left and right are swapped"),
+     ([5, 9, 0, 11, 1, 2, 10, 3, 4, 6, 8, 7], "do not fit the template: ")],
+)  # fmt: skip
+def test_landmarks_on_the_wrong_places_are_refused(folder, capsys, order, words):
+    table = json.loads((folder / "spots.json").read_text(encoding="utf-8"))
+    names, rows = list(table), list(table.values())
+    wrong = dict(zip(names, [rows[k] for k in order], strict=True))
+    (folder / "spots.json").write_text(json.dumps(wrong), encoding="utf-8")
+    assert main(BUILD) == 1
+    assert words in capsys.readouterr().err
+
+
 def test_doubts_say_which_level_moved_and_where_triangles_are_folded():
     rig = a_rig()
     rig = replace(rig, regions={"lips": TEMPLATE.faces[0], "upper": np.arange(len(TEMPLATE.vertices))})
@@ -188,7 +214,8 @@ def test_what_is_wrong_with_an_example_is_said(tmp_path, monkeypatch, caplog):
     monkeypatch.setattr("blendcap.modeling.scan_repair.ready_scan", lambda *_: ready)
     monkeypatch.setattr("blendcap.modeling.build.register_example", lambda *_: rig.mesh)
     monkeypatch.setattr("blendcap.refine_rig", lambda rig, *_: rig, raising=False)
-    assert refined(rig, [tmp_path / "jawOpen.obj"], 1.0, rig, Progress(quiet=True)) is rig
+    given = read_examples([tmp_path / "jawOpen.obj"], 1.0, rig, Progress(quiet=True))
+    assert refined(rig, given, 1.0, Progress(quiet=True)) is rig
     assert "jawOpen.obj: No landmarks were found." in caplog.text
     assert "jawOpen.obj: Its normals were turned." in caplog.text
 

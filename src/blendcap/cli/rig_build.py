@@ -64,8 +64,9 @@ def build(
     as_json
         Print the answer as JSON.
     """
-    from blendcap.cli.rig_examples import example_files, refined
+    from blendcap.cli.rig_examples import example_files, read_examples, refined
     from blendcap.io import read_mesh, read_rig, write_rig
+    from blendcap.modeling.shut_eyes import keep_eyes_open
     from blendcap.view.rig_report import write_rig_report
 
     check_outputs([output], RIGS)
@@ -78,12 +79,15 @@ def build(
     with progress.step("landmarks", "Find landmarks" if landmarks is None else f"Read {landmarks}"):
         stated = unit is not None or scan.suffix.lower() in (".glb", ".gltf")
         ready, pairs, notes = _ready(raw, base, landmarks, stated)
+        pairs, free, said = keep_eyes_open(base, pairs)
+        notes += said
     _tell(notes, as_json)
+    given = read_examples(files, ready.unit_mm, base, progress)
     with progress.step("build", "Lay the template onto the scan and carry its shapes over") as tell:
-        built, sized = _built(base, ready, pairs, stated, backend, tell)
+        built, sized = _built(base, ready, pairs, free, stated, backend, tell)
     later = sized.notes[len(ready.notes) :]
-    if examples is not None:
-        built = replace(built, rig=refined(built.rig, files, sized.unit_mm, base, progress))
+    if given:
+        built = replace(built, rig=refined(built.rig, given, sized.unit_mm / ready.unit_mm, progress))
     with progress.step("write", f"Write {output}"):
         write_rig(output, built.rig)
     if report is not None:
@@ -118,12 +122,14 @@ def _ready(raw: Mesh, base: Rig, landmarks: Path | None, stated: bool) -> tuple[
     return ready, pairs, [*notes, *([note] if note else []), *ready.notes]
 
 
-def _built(base: Rig, ready: ReadyScan, pairs: Pairs | None, stated: bool, backend, tell) -> tuple[BuiltRig, ReadyScan]:
+def _built(
+    base: Rig, ready: ReadyScan, pairs: Pairs | None, free: np.ndarray, stated: bool, backend, tell
+) -> tuple[BuiltRig, ReadyScan]:
     """The rig, and the scan in the size that it was built from: a guessed unit is held against the face."""
     from blendcap.modeling.build import build_rig
     from blendcap.modeling.scan_repair import resized
 
-    built = build_rig(base, ready.mesh, pairs, backend=backend, tell=tell)
+    built = build_rig(base, ready.mesh, pairs, free=free, backend=backend, tell=tell)
     if stated or pairs is not None:
         return built, ready
     sized = resized(ready, float(built.registration.alignment[2]))

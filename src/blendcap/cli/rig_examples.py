@@ -10,7 +10,11 @@ import blendcap
 from blendcap.cli.progress import Progress
 
 if TYPE_CHECKING:
-    from blendcap.data import Rig
+    import numpy as np
+
+    from blendcap.data import Mesh, Rig, SurfacePoints
+
+    Example = tuple[Mesh, tuple[SurfacePoints, np.ndarray] | None]
 
 log = logging.getLogger(__name__)
 
@@ -27,25 +31,44 @@ def example_files(folder: Path, neutral: Path) -> list[Path]:
     return files
 
 
-def refined(rig: Rig, files: list[Path], unit_mm: float, template: Rig, progress: Progress) -> Rig:
-    """The rig with its shapes refined by scans of expressions, each registered first."""
+def read_examples(files: list[Path], unit_mm: float, template: Rig, progress: Progress) -> dict[Path, Example]:
+    """The scans, made ready, so that a bad file is known before the long work; none for no files."""
+    from blendcap.data import Mesh
     from blendcap.io import read_mesh
-    from blendcap.modeling.build import register_example
-    from blendcap.modeling.examples import asked_for
     from blendcap.modeling.landmark_pairs import find_pairs
     from blendcap.modeling.scan_repair import ready_scan
 
-    meshes = []
-    with progress.step("examples", f"Register {len(files)} examples", total=len(files)) as tell:
+    found: dict[Path, Example] = {}
+    if not files:
+        return found
+    with progress.step("read examples", f"Read {len(files)} examples", total=len(files)) as tell:
         for number, file in enumerate(files):
             tell(file.name)
             raw = read_mesh(file, "mm")
+            try:
+                ready = ready_scan(raw, unit_mm)
+            except blendcap.InputError as error:
+                raise blendcap.InputError(f"The example {file} cannot be used: {error}") from None
             pairs, notes = find_pairs(raw, template)
-            ready = ready_scan(raw, unit_mm)
             for note in (*notes, *ready.notes):
                 log.warning("%s: %s", file.name, note)
-            scaled = None if pairs is None else (pairs[0], unit_mm * pairs[1])
-            meshes.append(register_example(rig, ready.mesh, scaled))
+            bare = Mesh(ready.mesh.vertices, ready.mesh.faces)  # textures of twenty scans would take gigabytes
+            found[file] = bare, None if pairs is None else (pairs[0], unit_mm * pairs[1])
+            tell(number + 1)
+    return found
+
+
+def refined(rig: Rig, examples: dict[Path, Example], size: float, progress: Progress) -> Rig:
+    """The rig with its shapes refined by scans of expressions, scaled by `size` and registered first."""
+    from blendcap.modeling.build import register_example
+    from blendcap.modeling.examples import asked_for
+
+    meshes = []
+    with progress.step("examples", f"Register {len(examples)} examples", total=len(examples)) as tell:
+        for number, (file, (scan, pairs)) in enumerate(examples.items()):
+            tell(file.name)
+            scaled = None if pairs is None else (pairs[0], size * pairs[1])
+            meshes.append(register_example(rig, scan.with_vertices(size * scan.vertices), scaled))
             tell(number + 1)
     with progress.step("refine", "Refine the shapes by the examples"):
-        return blendcap.refine_rig(rig, meshes, asked_for(rig, [file.stem for file in files]))
+        return blendcap.refine_rig(rig, meshes, asked_for(rig, [file.stem for file in examples]))

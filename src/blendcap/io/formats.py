@@ -55,7 +55,7 @@ def read_mesh(path: str | os.PathLike, unit: str | None = None) -> Mesh:
     Returns
     -------
     mesh : Mesh
-        In mm. A size that no head has brings a warning.
+        In mm. A size that no head has brings a warning, unless the unit is given.
 
     Raises
     ------
@@ -67,7 +67,8 @@ def read_mesh(path: str | os.PathLike, unit: str | None = None) -> Mesh:
         return read_glb_mesh(path)
     scale = millimetres(unit or "mm", str(path))
     mesh = read_obj(path, scale) if kind == ".obj" else read_scan(path, scale)
-    warn_if_not_a_head(mesh.vertices, str(path))
+    if unit is None:
+        warn_if_not_a_head(mesh.vertices, str(path))
     return mesh
 
 

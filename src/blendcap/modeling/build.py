@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from blendcap.data import Mesh, Rig, SurfacePoints
 from blendcap.modeling.registration import Registration, register
@@ -43,11 +44,15 @@ def build_rig(
     scan: Mesh,
     landmarks: tuple[SurfacePoints, np.ndarray] | None = None,
     *,
+    free: ArrayLike | None = None,
     backend: Backend = "auto",
     tell: Callable[..., None] | None = None,
 ) -> BuiltRig:
-    """Register a template's neutral to a scan (mm, see `ready_scan`) and carry every shape over to it."""
-    registration = register(template, scan, landmarks, backend=backend, tell=tell)
+    """Register a template's neutral to a scan (mm, see `ready_scan`) and carry every shape over to it.
+
+    `landmarks` and `free` as `register` takes them; for a scan with shut eyes `keep_eyes_open` gives both.
+    """
+    registration = register(template, scan, landmarks, free=free, backend=backend, tell=tell)
     rotation, translation, scale = registration.alignment
 
     def upright(mesh: Mesh) -> Mesh:

@@ -19,7 +19,9 @@ from blendcap.numerics.leastsq import Backend
 from blendcap.numerics.surfaces import edges_of, turned_over, vertex_normals
 
 TOUCHING = 10.0  # stiffness between places that touch, in that of an edge of median length
+PATIENCE = 12  # steps of a level after which a match that is lost does not come back: in ears they come and go for ever
 UNFOLD = 4  # times, at most, that matches are dropped because they fold the skin
+FIRMER = 10.0  # stiffness of folded skin each time, of what it was before
 FEW = 0.05  # share of the visible template that must find a match
 HEAD = (
     4.75  # diagonal of a face's box over the root mean square distance from its centre: what stiffness is relative to
@@ -90,8 +92,11 @@ def fit_skin(
         if tell is not None:
             tell(number + 1)
     for _ in range(UNFOLD):
-        if not match.drop_folds(field.moved(maps)):
+        folds = match.drop_folds(field.moved(maps))
+        if not folds.any():
             break
+        joined = joined * np.where(folds[edges].all(1), FIRMER, 1.0)
+        field = AffineField(unit, edges, joined, sampling, backend)
         maps, weights, targets, level = _settle(field, maps, match, alpha, beta, held, schedule, size)
         levels[-1] = replace(level, steps=levels[-1].steps + level.steps)
         costs[-1] = field.energies(maps, weights, targets, held)
@@ -106,9 +111,12 @@ def fit_skin(
 def _settle(field, maps, match, alpha, beta, held, schedule: Schedule, size: float):
     """One level: steps until the template stands still. The answer is a solve, never an extrapolation."""
     faster = Anderson(schedule.memory)
-    step, change = 0, np.inf
+    step, change, before = 0, np.inf, np.ones(1)
     while True:
         weights, targets = match(field.moved(maps))
+        if step >= PATIENCE:
+            weights = np.minimum(weights, before)
+        before = weights
         answer = field.solve(alpha, weights, targets, beta, held)
         motion = field.moved(answer) - field.moved(maps)
         change = float(np.sqrt((motion**2).sum(1).mean()))
@@ -149,14 +157,14 @@ class _Matcher:
             )
         return good.astype(np.float64), (points - self._center) / self._size
 
-    def drop_folds(self, vertices: np.ndarray) -> bool:
-        """Stop fitting triangles that came to lie folded over, and those around them; whether any were still fitted."""
+    def drop_folds(self, vertices: np.ndarray) -> np.ndarray:
+        """(n,) triangles that came to lie folded over, and those around them, which are fitted no more."""
         faces = self._skin.faces
         folded = np.zeros(len(vertices), dtype=bool)
         folded[faces[turned_over(vertices, faces) & ~self._folded_before]] = True
         folded[faces[folded[faces].any(1)]] = True
-        before, self._fitted = self._fitted, self._fitted & ~folded
-        return bool((before & folded).any())
+        self._fitted = self._fitted & ~folded
+        return folded
 
 
 def _edges(vertices: np.ndarray, skin: Skin, even: bool) -> tuple[np.ndarray, np.ndarray]:
@@ -164,7 +172,11 @@ def _edges(vertices: np.ndarray, skin: Skin, even: bool) -> tuple[np.ndarray, np
     edges = edges_of(skin.faces)[0]
     if not even:
         return edges, np.ones(len(edges))
-    length = np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1)
-    typical = float(np.median(length))
-    weights = (typical / np.maximum(length, 1e-2 * typical)) ** 2
+    typical = float(np.median(_lengths(vertices, edges)))
+    edges = np.concatenate([edges, skin.walls])
+    weights = (typical / np.maximum(_lengths(vertices, edges), 1e-2 * typical)) ** 2
     return np.concatenate([edges, skin.touching]), np.concatenate([weights, np.full(len(skin.touching), TOUCHING)])
+
+
+def _lengths(vertices: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    return np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1)

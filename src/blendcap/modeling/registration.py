@@ -6,16 +6,17 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy import sparse
 
 from blendcap.data import InputError, Mesh, Rig, SurfacePoints
-from blendcap.modeling.alignment import align_by_shape
+from blendcap.modeling.alignment import align_by_landmarks, align_by_shape
 from blendcap.modeling.matching import ScanSurface
 from blendcap.modeling.nonrigid import Level, fit_skin
 from blendcap.modeling.schedule import Schedule, schedule_of
 from blendcap.modeling.template import carry, find_skin
 from blendcap.numerics.leastsq import Backend
-from blendcap.numerics.similarity import align, apply
+from blendcap.numerics.similarity import apply
 from blendcap.numerics.surfaces import turned_over
 
 
@@ -56,6 +57,7 @@ def register(
     scan: Mesh,
     landmarks: tuple[SurfacePoints, np.ndarray] | None = None,
     *,
+    free: ArrayLike | None = None,
     method: str | Schedule = "even",
     backend: Backend = "auto",
     tell: Callable[..., None] | None = None,
@@ -75,6 +77,9 @@ def register(
     landmarks : (SurfacePoints (L), (L, 3) float64), optional
         Points on the template and where they are on the scan, mm; a NaN row is left out. Without landmarks the
         template is aligned by its shape, which needs the two to look the same way.
+    free : (K,) int, optional
+        Vertices of the template that are not drawn to the scan but follow by stiffness, as lids where the scan's eyes
+        are shut.
     method : {"even", "paper"} or Schedule
         "even" weighs edges by length and accelerates every level; "paper" is the plain schedule.
     backend : {"auto", "cholmod", "splu"}
@@ -96,9 +101,11 @@ def register(
     if not len(scan.faces):
         raise InputError("The scan has no triangles; give a surface, not points.")
     surface, skin = ScanSurface(scan.vertices, scan.faces), find_skin(template)
-    sampling, positions = _landmarks(mesh, landmarks)
-    if len(positions):
-        similarity = align(sampling @ mesh.vertices, positions)
+    if free is not None:
+        skin = skin.without(_rows(free, len(mesh.vertices)))
+    names, sampling, positions = _landmarks(mesh, landmarks)
+    if names:
+        similarity = align_by_landmarks(names, sampling @ mesh.vertices, positions)
     else:
         similarity = align_by_shape(mesh.vertices[skin.rows], skin.faces, skin.visible, surface)
     start = apply(mesh.vertices, *similarity)
@@ -116,10 +123,17 @@ def register(
     )
 
 
-def _landmarks(mesh: Mesh, landmarks) -> tuple[sparse.csr_matrix, np.ndarray]:
-    """Sampling (L, V) and positions (L, 3) of the landmarks that have a position."""
+def _rows(free: ArrayLike, count: int) -> np.ndarray:
+    rows = np.asarray(free)
+    if rows.ndim != 1 or (len(rows) and (rows.dtype.kind not in "iu" or rows.min() < 0 or rows.max() >= count)):
+        raise InputError(f"The free vertices must be whole numbers from 0 to {count - 1}, in one row.")
+    return rows.astype(np.int64)
+
+
+def _landmarks(mesh: Mesh, landmarks) -> tuple[list[str], sparse.csr_matrix, np.ndarray]:
+    """Names, sampling (L, V) and positions (L, 3) of the landmarks that have a position."""
     if landmarks is None:
-        return sparse.csr_matrix((0, len(mesh.vertices))), np.zeros((0, 3))
+        return [], sparse.csr_matrix((0, len(mesh.vertices))), np.zeros((0, 3))
     points, positions = landmarks
     positions = np.asarray(positions, dtype=np.float64)
     if positions.shape != (len(points.names), 3):
@@ -130,4 +144,5 @@ def _landmarks(mesh: Mesh, landmarks) -> tuple[sparse.csr_matrix, np.ndarray]:
     known = np.isfinite(positions).all(1)
     if known.sum() < 3:
         raise InputError(f"Only {known.sum()} landmarks have a position; give at least three, or none.")
-    return points.matrix(mesh)[known], positions[known]
+    names = [points.names[k] for k in np.flatnonzero(known)]
+    return names, points.matrix(mesh)[known], positions[known]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,8 @@ from blendcap.rendering.light import openness
 
 OPEN = 0.12  # a vertex that sees less of the sky than this is inside: no scanner sees it either
 CLOSED = 1.0  # mm: a contact that is closer at rest stays together
+FLESH = 0.025  # of the template's size: flesh that is thicker between two sides does not join them
+AMONG, OPPOSITE = 64, 0.3  # vertices looked at for the other side; cosine by which two sides look away from each other
 NEAR = 0.012  # of the template's size: parts closer than this belong together, as teeth and gums do
 CLINGS = 0.006  # of the template's size: a part that is nowhere farther from the skin than this clings to it (lashes)
 AROUND = 0.05  # of the template's size: how far around a part the skin decides how it is carried
@@ -40,6 +42,8 @@ class Skin:
         Which of them a scan can show; the others follow by stiffness alone.
     touching : (P, 2) int64
         Places in `rows` that meet at rest though no edge joins them, as closed lips do.
+    walls : (Q, 2) int64
+        Places in `rows` on two sides of thin flesh: a lid and the pocket behind it, the two sides of an ear.
     """
 
     rows: np.ndarray
@@ -47,6 +51,14 @@ class Skin:
     faces: np.ndarray
     visible: np.ndarray
     touching: np.ndarray
+    walls: np.ndarray
+
+    def without(self, vertices: np.ndarray) -> Skin:
+        """The same with these vertices (K,) of the template followed by stiffness, as if no scanner saw them."""
+        visible = self.visible.copy()
+        places = self.stands_for[vertices]
+        visible[places[places >= 0]] = False
+        return replace(self, visible=visible)
 
     def landmarks(self, sampling: Any, positions: np.ndarray) -> tuple[Any, np.ndarray]:
         """Sampling (L, n) of `rows` and positions (L, 3) of the landmarks that lie on the skin.
@@ -76,7 +88,23 @@ def find_skin(template: Mesh | Rig) -> Skin:
     place = np.full(len(sewn), -1)
     place[rows] = np.arange(len(rows))
     seen = openness(mesh.vertices, vertex_normals(mesh.vertices, mesh.faces), mesh.faces) > OPEN
-    return Skin(rows, place[sewn], place[faces], seen[rows], _touching(template, place[sewn]))
+    walls = _walls(mesh.vertices[rows], place[faces], seen[rows])
+    return Skin(rows, place[sewn], place[faces], seen[rows], _touching(template, place[sewn]), walls)
+
+
+def _walls(vertices: np.ndarray, faces: np.ndarray, visible: np.ndarray) -> np.ndarray:
+    """Pairs (Q, 2) of a vertex and the nearest visible one across thin flesh; what lies across air is no neighbour."""
+    normals, reach = vertex_normals(vertices, faces), FLESH * float(np.linalg.norm(np.ptp(vertices, axis=0)))
+    distance, near = KDTree(vertices).query(vertices, k=min(AMONG, len(vertices)), distance_upper_bound=reach)
+    known = np.isfinite(distance)
+    near = np.where(known, near, 0)
+    across = vertices[near] - vertices[:, None]
+    inwards, outwards = (across * normals[:, None]).sum(2), (across * normals[near]).sum(2)
+    facing = (normals[near] * normals[:, None]).sum(2)
+    between = np.minimum(-inwards, outwards) > OPPOSITE * distance
+    flesh = known & visible[near] & between & (facing < -OPPOSITE)
+    found = np.flatnonzero(flesh.any(1))
+    return np.stack([found, near[found, flesh[found].argmax(1)]], axis=1)
 
 
 def _touching(template: Mesh | Rig, stands_for: np.ndarray) -> np.ndarray:

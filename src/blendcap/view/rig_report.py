@@ -71,9 +71,9 @@ def rig_facts(built: BuiltRig, template: Rig) -> dict[str, Any]:
     known = distance[np.isfinite(distance)]
     facts: dict[str, Any] = {
         "median_mm": float(np.median(known)), "p95_mm": float(np.percentile(known, 95)),
-        "matched": len(known) / len(distance),
+        "share_on_scan": len(known) / len(distance),
         "flipped": len(built.registration.flipped), "flipped_in": _places_of_folds(built),
-        "scale": float(built.registration.alignment[2]),
+        "size_to_template": float(built.registration.alignment[2]),
     }  # fmt: skip
     contacts = dict(find_contacts(template)) | dict(template.contacts)
     for name, shapes in CLOSING.items():
@@ -111,9 +111,9 @@ def _summary(facts: Mapping[str, Any]) -> str:
     cards = [
         ("from the scan, median", f"{facts['median_mm']:.2f} mm", "good" if facts["median_mm"] < 0.6 else "bad"),
         ("95 % are closer than", f"{facts['p95_mm']:.2f} mm", ""),
-        ("of the vertices have a place on the scan", f"{facts['matched']:.0%}", ""),
+        ("of the vertices have a place on the scan", f"{facts['share_on_scan']:.0%}", ""),
         ("triangles are folded over", f"{facts['flipped']}", "bad" if facts["flipped"] else "good"),
-        ("times the template's size", f"{facts['scale']:.3f}", ""),
+        ("times the template's size", f"{facts['size_to_template']:.3f}", ""),
     ]
     for name in CLOSING:
         if f"{name}_gap_mm" in facts:
@@ -147,8 +147,9 @@ def doubts(built: BuiltRig, facts: Mapping[str, Any]) -> list[str]:
                 f"mm a step after {level.steps} steps; if it is off in the pictures, give landmarks, or cut hair and "
                 "clothes off the scan."
             )
-    if not SIZES[0] < facts["scale"] < SIZES[1]:
-        lines.append(f"The face is {facts['scale']:.2f} times as large as the template's: is the scan's unit right?")
+    size = facts["size_to_template"]
+    if not SIZES[0] < size < SIZES[1]:
+        lines.append(f"The face is {size:.2f} times as large as the template's: is the scan's unit right?")
     return lines
 
 
