@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import blendcap
-from blendcap.data import InputError, LandmarkModel, Mesh
+from blendcap.data import InputError, LandmarkModel, Mesh, SurfacePoints
 from blendcap.modeling.contours import Weights, line_energy, ribbon, trace_exact, trace_icm
 from blendcap.modeling.detection import detect, detect_paper, log_odds
 from blendcap.modeling.frontal import frontal, lift, out_of_gaps
@@ -264,3 +264,21 @@ def test_a_pixel_that_looks_into_a_gap_moves_to_its_edge():
     depth[:, 55:] = np.inf
     pixels = np.array([[30.0, 20.2], [30, 21], [30, 30.4], [52, 10]])
     np.testing.assert_allclose(out_of_gaps(depth, pixels), [[30, 19], [30, 22], [30, 30.4], [52, 10]])
+
+
+def test_points_on_eyeballs_come_to_the_lids(rig, finding):
+    from blendcap.modeling.landmarks import onto_skin
+
+    on_globe = np.isin(rig.mesh.faces, rig.regions["eyes"]).all(1)
+    assert not on_globe[finding.points.faces].any()
+    ball = np.flatnonzero(on_globe)
+    middles, lid = rig.mesh.vertices[rig.mesh.faces[ball]].mean(1), rig.mesh.vertices[rig.contacts["lids_left"][11, 1]]
+    spots = [ball[np.linalg.norm(middles - lid, axis=1).argmin()], ball[middles[:, 2].argmin()]]
+    points = SurfacePoints(("lid", "pole"), spots, [[0.2, 0.3, 0.5]] * 2)
+    moved = onto_skin(rig.mesh, points, 4.0)
+    before, after = points.positions(rig.mesh), moved.positions(rig.mesh)
+    assert not on_globe[moved.faces[0]] and np.linalg.norm(after[0] - before[0]) < 4
+    everywhere = rig.mesh.vertices[np.setdiff1d(np.arange(len(rig.mesh.vertices)), rig.regions["eyes"])]
+    assert np.linalg.norm(after[0] - before[0]) <= np.linalg.norm(everywhere - before[0], axis=1).min() + 1e-9
+    np.testing.assert_array_equal(after[1], before[1])  # nothing is near the back of an eyeball
+    assert onto_skin(Mesh(rig.mesh.vertices, rig.mesh.faces[~on_globe]), points.select([]), 4.0).names == ()

@@ -15,7 +15,10 @@ from blendcap.modeling.face_search import search_face
 from blendcap.modeling.frontal import Frontal, frontal, lift, out_of_gaps
 from blendcap.modeling.landmark_training import as_picture
 from blendcap.modeling.lines import line_points, trace_learned, trace_paper
+from blendcap.numerics.barycentric import barycentric
+from blendcap.numerics.closest import Closest
 from blendcap.numerics.similarity import align_robust
+from blendcap.numerics.surfaces import face_normals, parts
 from blendcap.rendering.texels import texels_of, uv_pixels
 
 ROUNDS = 8  # of detecting and turning the face to the front
@@ -23,6 +26,8 @@ SLACK = (10.0, 6.0, 3.0)  # deviation of the prior beyond what was learned, pixe
 SETTLED = 0.5  # mm, RMS, that the features move by at most at the end
 NEEDED = 8  # features, of which half look right, without which there is no face
 FAR = 15.0  # mm, median distance from the average face beyond which there is none
+BESIDE = 4.0  # mm: a point on an eyeball that near to the skin belongs to the lid
+SMALL = 0.1  # of the largest part's area: less is no skin
 UV_SIZE, UV_STEP = 1024, 4  # the thesis' size of a texture, and the grid that its filters are moved on, pixels
 
 _log = logging.getLogger(__name__)
@@ -120,7 +125,25 @@ def _search_frontal(mesh: Mesh, detectors: Detectors) -> Finding:
     lines = trace_learned(view.image, found, detectors.lines) if detectors.lines else {}
     names, spots, sure = _together(found, odds, lines)
     spots = out_of_gaps(view.fragments.depth, spots)
-    return Finding(lift(view.fragments, corners, names, spots), view.image, spots, sure, place, rounds, converged)
+    points = lift(view.fragments, corners, names, spots)
+    points = onto_skin(mesh, points, BESIDE / float(np.cbrt(np.linalg.det(place[:3, :3]))))
+    return Finding(points, view.image, spots, sure, place, rounds, converged)
+
+
+def onto_skin(mesh: Mesh, points: SurfacePoints, reach: float) -> SurfacePoints:
+    """The points with those that lie on small loose parts, as eyeballs are, moved to the skin if it is within reach."""
+    part = parts(mesh.faces, len(mesh.vertices))[mesh.faces[:, 0]]
+    area = np.bincount(part, np.linalg.norm(face_normals(mesh.vertices, mesh.faces), axis=1))
+    loose = np.flatnonzero(area[part[points.faces]] < SMALL * area.max())
+    if not len(loose):
+        return points
+    skin = np.flatnonzero(area[part] >= SMALL * area.max())
+    squared, face, places = Closest(mesh.vertices, mesh.faces[skin])(points.positions(mesh)[loose])
+    near = squared < reach**2
+    faces, weights = np.array(points.faces), np.array(points.barycentric)
+    faces[loose[near]] = skin[face[near]]
+    weights[loose[near]] = barycentric(places[near], mesh.vertices[mesh.faces[skin[face[near]]]])
+    return SurfacePoints(points.names, faces, weights)
 
 
 def _search_uv(mesh: Mesh, detectors: Detectors) -> Finding:
