@@ -6,14 +6,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import sparse
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
 from blendcap.data import InputError, Rig, landmarks68
 from blendcap.data.anatomy import clear_vertices
 from blendcap.numerics.barycentric import barycentric_flat
 from blendcap.numerics.geodesic import weld
+from blendcap.numerics.surfaces import parts
 from blendcap.rendering import vertex_normals
 from blendcap.rendering.rasterize import visibility
 
@@ -58,9 +57,7 @@ def skin_faces(rig: Rig) -> np.ndarray:
         If the rig has no points "landmarks68".
     """
     faces = weld(rig.mesh.faces, rig.mesh.vertices, rig.deltas)
-    links = (np.ones(faces.size), (faces.ravel(), np.roll(faces, 1, axis=1).ravel()))
-    count = len(rig.mesh.vertices)
-    piece = connected_components(sparse.coo_matrix(links, shape=(count, count)), directed=False)[1][faces[:, 0]]
+    piece = parts(faces, len(rig.mesh.vertices))[faces[:, 0]]
     skin = drawn_faces(rig) & (piece == np.bincount(piece[landmarks68(rig).faces]).argmax())
     if rig.mesh.uv is not None and rig.mesh.uv_faces is not None:
         first = np.asarray(((rig.mesh.uv >= 0) & (rig.mesh.uv <= 1)).all(1))

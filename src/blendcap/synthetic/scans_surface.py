@@ -18,6 +18,7 @@ from scipy.spatial.transform import Rotation
 from blendcap.data import Camera
 from blendcap.numerics.barycentric import barycentric
 from blendcap.numerics.closest import Closest
+from blendcap.numerics.surfaces import parts
 from blendcap.rendering import look_at, rasterize
 from blendcap.rendering.camera import to_homogeneous
 
@@ -213,8 +214,7 @@ def _tidied(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np
     edges = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
     _, label, count = np.unique(edges @ [len(vertices), 1], return_inverse=True, return_counts=True)
     triangles = triangles[(count[label.reshape(-1, 3)] <= 2).all(1)]
-    links = (np.ones(triangles.size), (triangles.ravel(), np.roll(triangles, 1, axis=1).ravel()))
-    piece = connected_components(csr_matrix(links, shape=(len(vertices),) * 2), directed=False)[1][triangles[:, 0]]
+    piece = parts(triangles, len(vertices))[triangles[:, 0]]
     triangles = triangles[np.bincount(piece)[piece] >= ISLAND]
     used, renumbered = np.unique(triangles, return_inverse=True)
     return vertices[used], renumbered.reshape(-1, 3)

@@ -7,11 +7,11 @@ from functools import partial
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components, dijkstra
+from scipy.sparse.csgraph import dijkstra
 
 from blendcap.data import Animation, InputError, MarkerTake, Rig, SurfacePoints
 from blendcap.numerics.geodesic import face_neighbors, surface_graph, walk, weld
+from blendcap.numerics.surfaces import parts
 from blendcap.rendering import vertex_normals
 from blendcap.rendering.light import openness
 from blendcap.synthetic.motion import motion_matrices
@@ -159,8 +159,7 @@ def _skin(rig: Rig, faces: np.ndarray) -> np.ndarray:
     regions = [rig.regions[name] for name in SKIN if name in rig.regions]
     if regions:
         skin = np.intersect1d(skin, np.concatenate(regions))
-    links = (np.ones(faces.size), (faces.ravel(), np.roll(faces, 1, axis=1).ravel()))
-    piece = connected_components(coo_matrix(links, shape=(len(vertices),) * 2), directed=False)[1]
+    piece = parts(faces, len(vertices))
     return skin[piece[skin] == np.bincount(piece[skin]).argmax()] if len(skin) else skin
 
 
