@@ -6,10 +6,13 @@ from scipy.spatial import cKDTree
 
 from blendcap import InputError, Rig, mannequin
 from blendcap.data.facs import ARKIT_NAMES, SHAPE_NAMES, SHAPES
+from blendcap.rendering import vertex_normals
 from blendcap.synthetic.mannequin import ASYMMETRIES, MEASURES, PEOPLE
 from blendcap.synthetic.mannequin.cage import head_cage
 from blendcap.synthetic.mannequin.identity import make_person, measures_of
+from blendcap.synthetic.mannequin.look import Look
 from blendcap.synthetic.mannequin.shared import shared
+from blendcap.synthetic.mannequin.skin import brow
 from faces import reflected
 
 IDENTITIES = tuple(PEOPLE)  # as symmetric as they are built
@@ -142,6 +145,17 @@ def test_landmarks_have_the_usual_order_and_sides(anybody):
     assert heights == sorted(heights, reverse=True)  # brow, lid, nose tip, nose base, lips, chin
     assert at[:17, 0].tolist() == sorted(at[:17, 0])
     assert at[30, 2] == at[:, 2].max()
+
+
+def test_the_jaws_landmarks_lie_along_the_outline_and_the_brows_on_hair(anybody):
+    points = anybody.points["landmarks68"]
+    places = points.positions(anybody.mesh)
+    normals = points.matrix(anybody.mesh) @ vertex_normals(anybody.mesh.vertices, anybody.mesh.faces)
+    assert np.abs(normals[:17, 2]).max() < 0.35  # where the skin turns out of sight
+    steps = np.linalg.norm(np.diff(places[:17, :2], axis=0), axis=1)
+    assert steps.max() < 2.5 * steps.min()
+    plain = shared().rest[np.argmax(points.matrix(anybody.mesh)[17:27, : len(shared().rest)].toarray(), axis=1)]
+    assert brow(plain, Look()).mean() > 0.3
 
 
 def test_markers_are_fifty_and_symmetric(plain):

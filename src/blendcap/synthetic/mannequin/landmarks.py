@@ -9,7 +9,7 @@ from blendcap.synthetic.mannequin.cage import Cage
 
 # iBUG 300-W order (Sagonas et al. 2013), from the subject's right (~) to the left; A+B is the middle of an edge, A++B a
 # quarter of the way from A. Points lie where they do in the mean of annotated faces: the jaw's on the outline that is
-# seen from the front, evenly from ear to chin; the brows' on hair; along nostrils and lips at half the base of the
+# seen from the front, from ear to chin; the brows' on hair; along nostrils and lips at half the base of the
 # nose, and at 0.63 (outer lip) and 0.27 (inner lip) of the way from the middle of the mouth to its corner.
 _LANDMARKS = (
     "~R6 ~R6+~R7 ~R7 ~R8++~R7 ~R8+~S8 ~S8+~S9 ~S9++~M77 ~M77 M78 M77 S9++M77 S8+S9 R8+S8 R8++R7 R7 R6+R7 R6 "
