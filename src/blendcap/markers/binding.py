@@ -49,7 +49,8 @@ def bind(
         markers are laid on the face from many starts. Look at the picture before you trust that.
     range_of_motion : MarkerTake, optional
         A take of the same markers that begins with the neutral and moves all of the face. Its neutral is used, and
-        the places are refined by how well the markers' motion fits.
+        the places are refined by how well the markers' motion fits, and the neutral by all frames in which a marker is
+        back at rest.
     method : {"weighed", "paper", "given"}
         How places are refined within `radius` of where they were given. "weighed": place, neutral position and motion
         count by how much each can tell. "paper": Algorithm 4. "given": not at all.
@@ -82,7 +83,7 @@ def bind(
         _, source = stabilize(source, frame=neutral)
     progress("placing the markers on the skin")
     places = Places(rig, given.names, candidates(seamless(rig), given, radius, TRIANGLES))
-    errors = np.array([])
+    errors, shift = np.array([]), 0.0
     if method == "paper":
         points, alignment, errors = algorithm_4(places, given, source, rest)
     else:
@@ -90,8 +91,8 @@ def bind(
         points, alignment, deviation = surface_places(places, given, rest, click)
         if range_of_motion is not None and click > 0:
             progress("matching the markers' motion")
-            points, errors = motion_places(places, points, alignment, source, rest, deviation)
-    offsets = alignment(rest) - points.positions(rig.mesh)
+            points, shift, errors = motion_places(places, points, alignment, source, rest, deviation)
+    offsets = alignment(rest) + shift - points.positions(rig.mesh)
     _check_fit(offsets)
     if not USUAL_SIZE[0] < alignment.scale < USUAL_SIZE[1]:
         log.warning(

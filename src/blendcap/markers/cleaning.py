@@ -12,6 +12,7 @@ from blendcap.data import InputError, MarkerTake
 
 # What Vicon ("*12"), OptiTrack ("Unlabeled 1234") and Qualisys ("uname*3") call trajectories that nobody labeled.
 _UNLABELED = re.compile(r"\*\d*|unlabell?ed\b.*|uname\*?\d*", re.IGNORECASE)
+NEUTRAL_FRAMES = 10
 _COMPLETE = 0.9  # of the markers that the take ever sees, for a frame to count for the neutral
 
 
@@ -102,7 +103,7 @@ def fill_gaps(take: MarkerTake, longest: float = 0.1) -> MarkerTake:
     return replace(take, positions=positions)
 
 
-def neutral_frame(take: MarkerTake, frame: int = 0, count: int = 10) -> np.ndarray:
+def neutral_frame(take: MarkerTake, frame: int = 0, count: int = NEUTRAL_FRAMES) -> np.ndarray:
     """The performer's neutral: the median of the first `count` nearly complete frames from `frame` on.
 
     The 2016 paper (section 6) takes the first frame of the performance as neutral; a few more take the noise out.

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from blendcap.data import MarkerTake, Rig, SurfacePoints
+from blendcap.markers.cleaning import NEUTRAL_FRAMES
 from blendcap.markers.helmet import rigid_columns
 from blendcap.markers.neighbors import project_on
 from blendcap.numerics.similarity import align
@@ -31,6 +32,10 @@ SLIDE = 3.0  # how much farther than off the skin a neutral marker of another fa
 POSES = 10  # independent poses that a range of motion is worth
 MOTION_PASSES = 2
 MODEL_ERROR = 0.06  # mm
+RESTING = 0.25  # mm: a marker that the face moves by less is at rest
+LASTING = 0.04  # mm: standard deviation of what of that motion does not average out
+RESTS = 0.3  # part of the range of motion: a marker that rests less often tells nothing of its rest
+MEDIAN = np.pi / 2  # variance of a median of noise over that of its mean
 SETTLED = 0.1  # mm: the papers' threshold on the change of the mean marker error
 MOST_PASSES = 10
 BETA, GAMMA = 0.3, 0.001  # mm², of Eq. 3 in Algorithm 4
@@ -131,26 +136,54 @@ def surface_places(
 
 def motion_places(
     places: Places, points: SurfacePoints, alignment: Alignment, take: MarkerTake, rest: np.ndarray, deviation: float
-) -> tuple[SurfacePoints, np.ndarray]:
+) -> tuple[SurfacePoints, np.ndarray, np.ndarray]:
     """Move each marker to where its motion over the range of motion fits better, paid for by the way.
 
     Minimises `3 POSES log(error) / 2 + |p - p0|² / (2 deviation²)`: the marker's motion is worth POSES independent
-    poses of unknown accuracy. Returns the points and the mean marker error after every pass, mm.
+    poses of unknown accuracy. Returns the points, what is to be added to the aligned rest (`rest_shift`), and the mean
+    marker error after every pass, mm.
     """
     start, errors = points.positions(places.rig.mesh), []
     barycentric, reached, squared = places.project(start)
     penalty = ((reached - start[:, None]) ** 2).sum(2) / (2 * deviation**2)
     for _ in range(MOTION_PASSES + 1):
         rows = rest_rows(places.rig, points, alignment, take, rest)
-        noise = float(np.hypot(marker_noise(alignment(take.positions)), MODEL_ERROR))
-        unknowns = solve_learned(rows, places.rig.mirror, take.rate, noise).unknowns
+        noise = marker_noise(alignment(take.positions))
+        unknowns = solve_learned(rows, places.rig.mirror, take.rate, float(np.hypot(noise, MODEL_ERROR))).unknowns
         errors.append(float(np.nanmean(rows.errors(unknowns))))
         if len(errors) > MOTION_PASSES:
             break
         misfit = _motion_misfit(places, barycentric, rows, unknowns)
         score = 1.5 * POSES * np.log(misfit + 1e-6) + np.where(np.isinf(squared), np.inf, penalty)
         points = places.take(barycentric, score.argmin(1))
-    return points, np.array(errors)
+    return points, rest_shift(rows, unknowns, noise), np.array(errors)
+
+
+def rest_shift(rows: MarkerRows, unknowns: np.ndarray, noise: float) -> np.ndarray:
+    """How far off the rest of each marker is (M, 3), mm, by all frames of a range of motion in which it rests.
+
+    The rest is the median of a few noisy frames, and what it errs every frame of the take takes for motion: a tenth of
+    a millimeter opens the eyes wide. While other parts of the face play, a marker is back at rest in hundreds of
+    frames, and their mean has no noise left. It is believed as far as the rest may err.
+
+    Parameters
+    ----------
+    rows : MarkerRows
+        Of the range of motion, measured from the rest.
+    unknowns : (T, N + K)
+        Their solution.
+    noise : float
+        Of a coordinate, mm.
+    """
+    face, helmet = unknowns.copy(), unknowns.copy()
+    face[:, rows.shapes :] = helmet[:, : rows.shapes] = 0
+    rests = (np.linalg.norm(rows.predict(face), axis=2) < RESTING) & ~rows.missing
+    count = rests.sum(0)
+    away = np.where(rests[..., None], rows.targets - rows.predict(helmet), 0.0)
+    mean = away.sum(0) / np.maximum(count, 1)[:, None]
+    may_err = MEDIAN * noise**2 / NEUTRAL_FRAMES
+    trust = may_err / (may_err + noise**2 / np.maximum(count, 1) + LASTING**2)
+    return np.where(count > RESTS * len(rests), trust, 0.0)[:, None] * mean
 
 
 def algorithm_4(
