@@ -13,10 +13,11 @@ from blendcap.makeup.classifier import margin, tally
 from blendcap.makeup.curves import WINDOWS, classify
 from blendcap.makeup.features import features, gabor, gabor_bank
 from blendcap.makeup.intensity import measure_intensity
+from blendcap.makeup.labels import soft
 from blendcap.makeup.lesson import Lesson
 from blendcap.makeup.packing import KIND, VERSION, pack, unpack
 from blendcap.makeup.patches import Patches
-from blendcap.makeup.training import _soft, train_classifier
+from blendcap.makeup.training import train_classifier
 from blendcap.makeup.units import Region
 from toy_makeup import REGION, draw, perform
 
@@ -48,7 +49,7 @@ def test_intensity_is_found_without_labels_and_points_away_from_rest():
     rise = np.concatenate([np.linspace(0, 1, 40), np.linspace(1, 0, 40)])
     for unit in REGION.units:
         frames = [draw({unit: a})["forehead" if unit == "AU1+2" else "glabella"] for a in rise]
-        pictures = _soft(np.stack(frames))
+        pictures = soft(np.stack(frames))
         scale = measure_intensity(pictures, pictures[0])
         assert np.corrcoef(scale.amount(pictures), rise)[0, 1] > 0.9
         levels = scale.level(pictures)
@@ -153,13 +154,13 @@ def test_votes_of_pairs_elect_the_class_that_wins_all():
 
 def test_features_of_every_kind_follow_their_input():
     image = draw({})["forehead"]
-    for kind in ("gabor", "hog", "edges"):
-        same = features([np.stack([image, image])], kind)
-        moved = features([np.stack([image, draw({"AU1+2": 1.0})["forehead"]])], kind)
+    for kind in ("gabor", "hog", "edges", "gabor+motion"):
+        same = features([np.stack([image, image])], [image], kind)
+        moved = features([np.stack([image, draw({"AU1+2": 1.0})["forehead"]])], [image], kind)
         np.testing.assert_allclose(same[0], same[1], atol=1e-6)
         assert np.linalg.norm(moved[1] - moved[0]) > 0.1 * np.linalg.norm(moved[0])
     with pytest.raises(InputError, match="features 'haar' are unknown"):
-        features([image[None]], "haar")
+        features([image[None]], [image], "haar")
 
 
 def test_warped_copies_differ_a_little_and_are_the_same_for_a_seed(lesson):
@@ -239,7 +240,7 @@ def test_damaged_classifiers_are_refused(trained, tmp_path):
     with pytest.raises(InputError, match="is not a patch classifier"):
         read_model(path, KIND, VERSION)
     write_model(path, KIND, 99, meta, arrays)
-    with pytest.raises(InputError, match="of version 99, but 1 is read here"):
+    with pytest.raises(InputError, match="of version 99, but 2 is read here"):
         read_model(path, KIND, VERSION)
     with pytest.raises(InputError, match="does not fit together"):
         unpack(meta, arrays | {"0:weights": arrays["0:weights"][:1]})

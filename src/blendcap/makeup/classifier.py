@@ -2,7 +2,7 @@
 
 Sections 7.2.2 to 7.2.4 of Reading Between the Dots (2016), 4.1.10 to 4.1.12 of the thesis. `method="svm"` is the
 papers': classes of unit and level, a linear support vector machine, one against one. The default, `"intensity"`, is a
-ridge regression on the units' intensities: it needs no levels, and two units of one region may be there at once.
+ridge regression on the units' intensities: it needs no levels, and several units of one region may be there at once.
 
 All of it (principal components, scaling, the machine) is linear in the features, so a trained region is one matrix.
 """
@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from blendcap.makeup.features import features
-from blendcap.makeup.intensity import LEVELS, Intensity
+from blendcap.makeup.intensity import LEVELS
 from blendcap.makeup.patches import Patches
 from blendcap.makeup.units import Region
 
@@ -41,12 +41,11 @@ class RegionModel:
         Least and most paint in each patch while training, in multiples of the neutral's.
     errors : (U,)
         Standard deviation of each unit's intensity on repetitions that were left out of the training.
-    scales : (U,) Intensity
-        How the training frames were labeled.
     scores : {name: float}
         Accuracies on repetitions that were left out.
-    confusion : (U + 1, U + 1) int
-        Frames by true unit (rows; at rest first) and answered unit, left out of the training.
+    confusion : (H + 1, H + 1) int
+        Frames by true unit (rows; at rest first) and answered unit, left out of the training; two sides that are shown
+        together are one.
     """
 
     region: Region
@@ -56,7 +55,6 @@ class RegionModel:
     trust: np.ndarray
     coverage: np.ndarray
     errors: np.ndarray
-    scales: tuple[Intensity, ...] = ()
     scores: Mapping[str, float] = field(default_factory=dict)
     confusion: np.ndarray = field(default_factory=lambda: np.zeros((0, 0), dtype=int))
 
@@ -85,7 +83,6 @@ class PatchClassifier:
     neutral : {patch: (h, w) uint8}
         The training face at rest: other faces are laid over it.
     method : {"intensity", "svm"}
-    kind : {"gabor", "hog", "edges"}
     relative : bool
         Whether the features of a performer's own neutral frame are taken off.
     """
@@ -93,7 +90,6 @@ class PatchClassifier:
     models: Sequence[RegionModel]
     neutral: Mapping[str, np.ndarray]
     method: str = "intensity"
-    kind: str = "gabor"
     relative: bool = True
 
     @property
@@ -101,26 +97,35 @@ class PatchClassifier:
         """The action units that it tells, region by region."""
         return tuple(unit for model in self.models for unit in model.region.units)
 
-    def familiar(self, patches: Patches) -> np.ndarray:
+    def familiar(self, patches: Patches, laid: Patches | None = None) -> np.ndarray:
         """(T, U) how far each unit's patches look like those of the training, 0 to 1: smeared paint does not."""
-        known = [
-            np.repeat(_familiar(paint_amount(patches, m.region), m.coverage)[:, None], len(m.region.units), axis=1)
-            for m in self.models
-        ]
+        known = []
+        for model in self.models:
+            amount = paint_amount(self._view(model, patches, laid), model.region)
+            known.append(np.repeat(_familiar(amount, model.coverage)[:, None], len(model.region.units), axis=1))
         return np.concatenate(known, axis=1)
 
-    def __call__(self, patches: Patches) -> tuple[np.ndarray, np.ndarray]:
-        """Intensities (T, U) and probabilities (T, U) of the units in each frame of patches laid over the neutral."""
+    def __call__(self, patches: Patches, laid: Patches | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """Intensities (T, U) and probabilities (T, U) of the units in each frame.
+
+        Regions that want faces laid over each other look at `laid`, if there is such.
+        """
         answers = [
-            model.answer(seen_features(patches, model.region, self.kind, self.relative)) for model in self.models
+            model.answer(seen_features(self._view(model, patches, laid), model.region, self.relative))
+            for model in self.models
         ]
         return tuple(np.concatenate(part, axis=1) for part in zip(*answers, strict=True))  # pyright: ignore
 
+    @staticmethod
+    def _view(model: RegionModel, patches: Patches, laid: Patches | None) -> Patches:
+        return laid if model.region.aligned and laid is not None else patches
 
-def seen_features(patches: Patches, region: Region, kind: str, relative: bool) -> np.ndarray:
+
+def seen_features(patches: Patches, region: Region, relative: bool) -> np.ndarray:
     """Features (T, D) of a region; without those of the neutral frame if `relative`."""
-    seen = features(patches.of(region.patches), kind)
-    return seen - features([patches.neutral[name][None] for name in region.patches], kind) if relative else seen
+    neutral = [patches.neutral[name] for name in region.patches]
+    seen = features(patches.of(region.patches), neutral, region.features)
+    return seen - features([picture[None] for picture in neutral], neutral, region.features) if relative else seen
 
 
 def paint_amount(patches: Patches, region: Region) -> np.ndarray:

@@ -28,7 +28,7 @@ def classify(
     patches: Patches | Iterable[Patches],
     *,
     table: Mapping[str, Mapping[str, float]] = ARKIT_TABLE,
-    aligned: bool = True,
+    aligned: bool | None = None,
     everywhere: bool = True,
 ) -> Animation:
     """Curves of weights, by shape names, that makeup patches tell.
@@ -40,8 +40,9 @@ def classify(
         Of any performer.
     table : {unit: {shape: weight at full intensity}}
         Made once for each rig; ARKit's names if not given.
-    aligned : bool
-        Lay the performer's neutral over that of the training face first, by optical flow.
+    aligned : bool, optional
+        Whether the performer's neutral is laid over that of the training face first, by optical flow. As each region
+        wants it if not given.
     everywhere : bool
         Let the curves speak at rest too (a lid that is open is as well seen as one that is shut). If not, their
         influence is zero where no unit is seen, as in the papers, and the markers rule.
@@ -78,20 +79,22 @@ def _window(seconds: float, rate: float) -> float:
     return max(seconds, LEAST_FRAMES / rate)
 
 
-def _answers(classifier: PatchClassifier, blocks: Iterable[Patches], aligned: bool):
+def _answers(classifier: PatchClassifier, blocks: Iterable[Patches], aligned: bool | None = None):
     """Intensities (T, U), how far to believe them (T, U), and the rate.
 
     Belief falls where the machine is unsure, the stabilizing points were lost or the paint looks like none before.
     """
+    wanted = {name for m in classifier.models if aligned or m.region.aligned for name in m.region.patches}
+    goal = {name: picture for name, picture in classifier.neutral.items() if name in wanted and aligned is not False}
     parts, tables, rate = [], None, 0.0
     for block in blocks:
         rate = block.rate
         block.of(tuple(classifier.neutral))
-        if aligned:
-            tables = tables or flows(block.neutral, classifier.neutral)
-        seen = laid_over(block, tables) if tables else block
-        intensity, probability = classifier(seen)
-        parts.append((intensity, probability * classifier.familiar(seen) * block.sure[:, None]))
+        tables = flows(block.neutral, goal) if tables is None else tables
+        laid = laid_over(block, tables) if tables else block
+        view = laid if aligned else block
+        intensity, probability = classifier(view, laid)
+        parts.append((intensity, probability * classifier.familiar(view, laid) * block.sure[:, None]))
     if not parts:
         raise InputError("There are no patches to classify: the film has no frame; check the videos.")
     intensity, probability = (np.concatenate(part) for part in zip(*parts, strict=True))

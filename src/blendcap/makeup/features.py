@@ -1,6 +1,7 @@
-"""What a classifier sees of a patch: responses of Gabor filters, oriented gradients, or edges.
+"""What a classifier sees of a patch: responses of Gabor filters, oriented gradients, edges, or the strokes' motion.
 
 Section 7.2.2 of Reading Between the Dots (2016), section 4.1.10 of the thesis: 8 filters, 2 scales, 4 orientations.
+How far each stroke has moved is ours: it follows a weight in proportion, which the look of a patch does not.
 """
 
 from __future__ import annotations
@@ -17,6 +18,9 @@ ORIENTATIONS = 4
 KERNEL = 13  # pixels
 ELONGATION = 0.6
 CELL = 2  # pixels of a patch to one of a feature, in both directions
+COARSE = 4  # the same of motion
+SOFT = 2.0  # pixels of blur before motion is sought
+MOTION = 25.0  # a pixel of motion counts as much as this: about as much as a Gabor filter's answer
 
 
 @cache
@@ -66,13 +70,43 @@ def edges(image: np.ndarray) -> np.ndarray:
     return cv2.resize(strength, (image.shape[1] // CELL, image.shape[0] // CELL), interpolation=cv2.INTER_AREA)
 
 
-FEATURES: Mapping[str, Callable[[np.ndarray], np.ndarray]] = {"gabor": gabor, "hog": hog, "edges": edges}
+def motion(image: np.ndarray, neutral: np.ndarray) -> np.ndarray:
+    """How far the paint of a patch (h, w) uint8 has moved from the neutral one (h / 4, w / 4, 2), where it was.
+
+    By dense inverse search (Kroeger et al. 2016, doi:10.1007/978-3-319-46493-0_29).
+    """
+    import cv2
+
+    start, end = (cv2.GaussianBlur(picture, (0, 0), SOFT) for picture in (neutral, image))
+    moved = np.asarray(_flow().calc(start, end, None))  # pyright: ignore[reportCallIssue, reportArgumentType]
+    moved = moved * (start.astype(np.float32)[..., None] / 255) * MOTION
+    return cv2.resize(moved, (image.shape[1] // COARSE, image.shape[0] // COARSE), interpolation=cv2.INTER_AREA)
 
 
-def features(images: Sequence[np.ndarray], kind: str = "gabor") -> np.ndarray:
-    """Features (T, D) float32 of a region's patches, each (T, h, w) uint8, side by side."""
-    if kind not in FEATURES:
-        raise InputError(f"The features {kind!r} are unknown; choose one of {', '.join(FEATURES)}.")
-    describe = FEATURES[kind]
-    rows = [np.concatenate([describe(image).ravel() for image in frame]) for frame in zip(*images, strict=True)]
-    return np.array(rows, dtype=np.float32)
+@cache
+def _flow():
+    import cv2
+
+    return cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
+
+
+LOOKS: Mapping[str, Callable[[np.ndarray], np.ndarray]] = {"gabor": gabor, "hog": hog, "edges": edges}
+FEATURES = (*LOOKS, "motion")
+
+
+def check_features(kind: str) -> None:
+    """Refuse features that nobody knows."""
+    unknown = [part for part in kind.split("+") if part not in FEATURES]
+    if unknown:
+        raise InputError(f"The features {unknown[0]!r} are unknown; choose of {', '.join(FEATURES)}, joined by +.")
+
+
+def features(images: Sequence[np.ndarray], neutral: Sequence[np.ndarray], kind: str = "gabor") -> np.ndarray:
+    """Features (T, D) float32 of a region's patches, each (T, h, w) uint8, side by side; neutral ones are (h, w)."""
+    check_features(kind)
+    columns = []
+    for part in kind.split("+"):
+        for frames, rest in zip(images, neutral, strict=True):
+            seen = [motion(frame, rest) if part == "motion" else LOOKS[part](frame) for frame in frames]
+            columns.append(np.array(seen, dtype=np.float32).reshape(len(frames), -1))
+    return np.concatenate(columns, axis=1)

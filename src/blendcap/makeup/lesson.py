@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+
+from blendcap.data import Animation, InputError
+
+SEEN = 0.5  # confidence from which on a weight is taken for the truth
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,16 +23,39 @@ class Lesson:
     repetitions : (T,) int
         Which showing it is. Accuracies are measured on whole showings that were left out: neighboring frames are too
         alike to test each other.
+    weights : Animation, optional
+        What the rig did, solved from the markers of the same frames: how strongly a unit is shown is then read off its
+        shapes, and not told from the pictures. Where its confidence is below a half it is not believed.
     """
 
     units: np.ndarray
     repetitions: np.ndarray
+    weights: Animation | None = None
+
+    def __post_init__(self):
+        if self.weights is not None and len(self.weights.weights) != len(self.units):
+            raise InputError(
+                f"The lesson's weights have {len(self.weights.weights)} frames, but the lesson {len(self.units)}; "
+                "solve the take of the lesson as it was filmed."
+            )
+
+    def intensity(self, shapes: Mapping[str, float]) -> np.ndarray:
+        """(T,) how strongly the weights show a unit that moves these shapes: as its weakest one; NaN if not known."""
+        unknown = np.full(len(self.units), np.nan)
+        if self.weights is None or not shapes or not set(shapes) <= set(self.weights.names):
+            return unknown
+        places = [self.weights.names.index(name) for name in shapes]
+        said = (self.weights.weights[:, places] / list(shapes.values())).min(1)
+        trust = self.weights.confidence
+        return said if trust is None else np.where(trust[:, places].min(1) >= SEEN, said, np.nan)
 
     @classmethod
-    def of_spans(cls, spans: Sequence[tuple[float, float, str]], frames: int, rate: float) -> Lesson:
+    def of_spans(
+        cls, spans: Sequence[tuple[float, float, str]], frames: int, rate: float, weights: Animation | None = None
+    ) -> Lesson:
         """From spans (start, end, unit), seconds, one a showing."""
         units, repetitions = np.full(frames, "", dtype=object), np.zeros(frames, dtype=int)
         for number, (start, end, unit) in enumerate(spans, 1):
             part = slice(round(start * rate), round(end * rate))
             units[part], repetitions[part] = unit, number
-        return cls(units, repetitions)
+        return cls(units, repetitions, weights)

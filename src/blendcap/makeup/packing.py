@@ -9,13 +9,11 @@ import numpy as np
 
 from blendcap.data import InputError
 from blendcap.makeup.classifier import METHODS, PatchClassifier, RegionModel
-from blendcap.makeup.features import FEATURES
-from blendcap.makeup.intensity import Intensity
+from blendcap.makeup.features import check_features
 from blendcap.makeup.units import Region
 
-KIND, VERSION = "patch classifier", 1
+KIND, VERSION = "patch classifier", 2
 _ARRAYS = ("weights", "offsets", "classes", "trust", "coverage", "errors", "confusion")
-_SCALES = ("direction", "neutral", "full", "centers")
 
 
 def pack(classifier: PatchClassifier) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
@@ -23,15 +21,10 @@ def pack(classifier: PatchClassifier) -> tuple[dict[str, Any], dict[str, np.ndar
     arrays = {f"neutral:{name}": picture for name, picture in classifier.neutral.items()}
     for i, model in enumerate(classifier.models):
         arrays |= {f"{i}:{name}": np.asarray(getattr(model, name)) for name in _ARRAYS}
-        for name in _SCALES:
-            arrays[f"{i}:{name}"] = np.array([getattr(scale, name) for scale in model.scales])
-    regions = [
-        {"name": m.region.name, "patches": m.region.patches, "units": m.region.units, "scores": dict(m.scores)}
-        for m in classifier.models
-    ]
+    regions = [m.region._asdict() | {"scores": dict(m.scores)} for m in classifier.models]
     meta = {
-        "method": classifier.method, "features": classifier.kind, "relative": classifier.relative, "regions": regions,
-        "units": classifier.units, "unit": "intensity 0 to 1",
+        "method": classifier.method, "relative": classifier.relative, "regions": regions, "units": classifier.units,
+        "unit": "intensity 0 to 1",
     }  # fmt: skip
     return meta, arrays
 
@@ -47,26 +40,23 @@ def unpack(meta: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> PatchCl
     try:
         models = [_model(i, entry, arrays) for i, entry in enumerate(meta["regions"])]
         neutral = {key.partition(":")[2]: value for key, value in arrays.items() if key.startswith("neutral:")}
-        method, kind, relative = meta["method"], meta["features"], bool(meta["relative"])
+        method, relative = meta["method"], bool(meta["relative"])
     except (KeyError, TypeError, ValueError, IndexError) as error:
         raise InputError(f"The patch classifier is damaged ({error}); train it anew.") from None
-    if method not in METHODS or kind not in FEATURES or not models:
-        raise InputError(f"The patch classifier is of a form that is not known ({method!r}, {kind!r}); train it anew.")
+    if method not in METHODS or not models:
+        raise InputError(f"The patch classifier is of a form that is not known ({method!r}); train it anew.")
     for model in models:
+        check_features(model.region.features)
         _check(model, method, neutral)
-    return PatchClassifier(models, neutral, method, kind, relative)
+    return PatchClassifier(models, neutral, method, relative)
 
 
 def _model(i: int, entry: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> RegionModel:
-    region = Region(str(entry["name"]), tuple(map(str, entry["patches"])), tuple(map(str, entry["units"])))
+    patches, units = (tuple(map(str, entry[part])) for part in ("patches", "units"))
+    region = Region(str(entry["name"]), patches, units, str(entry["features"]), bool(entry["aligned"]))
     values = {name: arrays[f"{i}:{name}"] for name in _ARRAYS}
-    parts = [arrays[f"{i}:{name}"] for name in _SCALES]
-    scales = tuple(
-        Intensity(direction, float(neutral), float(full), centers)
-        for direction, neutral, full, centers in zip(*parts, strict=True)
-    )
     scores = {str(name): float(score) for name, score in entry["scores"].items()}
-    return RegionModel(region, **values, scales=scales, scores=scores)
+    return RegionModel(region, **values, scores=scores)
 
 
 def _check(model: RegionModel, method: str, neutral: Mapping[str, np.ndarray]) -> None:

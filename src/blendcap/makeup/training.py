@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,30 +11,33 @@ import numpy as np
 from blendcap.data import InputError
 from blendcap.makeup.augmentation import warped
 from blendcap.makeup.classifier import METHODS, PatchClassifier, RegionModel, margin, paint_amount, seen_features, tally
-from blendcap.makeup.intensity import LEVELS, measure_intensity
+from blendcap.makeup.features import check_features
+from blendcap.makeup.intensity import LEVELS
+from blendcap.makeup.labels import Labels, labeled
 from blendcap.makeup.lesson import Lesson
-from blendcap.makeup.patches import Patches
-from blendcap.makeup.units import PAPER_REGIONS, REGIONS, Region, shows
+from blendcap.makeup.patches import Patches, flows, laid_over
+from blendcap.makeup.units import ARKIT_TABLE, PAPER_REGIONS, REGIONS, Region, halves, shows
 
-VARIANCE = 0.9  # of the features, that the principal components keep
+VARIANCE = {"svm": 0.9, "intensity": 0.99}  # of the features, that the principal components keep
 MOST_FRAMES = 800  # from which principal components are taken, about
-RIDGES = (1.0, 10.0, 100.0, 1000.0)
-SOFT = 3.0  # pixels of blur before the modes of variation are sought
+RIDGES = (0.1, 0.3, 1.0, 3.0)  # in the variance of all features together
 COST = 0.1  # C of the support vector machine
-FOLDS = 5
-STILL = 1e-4  # of white, root mean square: patches that change by less do not move
+NEAR = 0.25  # an intensity that errs by less is right
+SHOWN = 0.1  # an intensity below is none
 
 log = logging.getLogger(__name__)
+Take = tuple[Patches, Lesson]
 
 
 def train_classifier(
-    patches: Patches,
-    lesson: Lesson,
+    patches: Patches | Sequence[Patches],
+    lesson: Lesson | Sequence[Lesson],
     *,
     regions: Sequence[Region] | None = None,
     method: str = "intensity",
-    kind: str = "gabor",
+    kind: str | None = None,
     relative: bool = True,
+    table: Mapping[str, Mapping[str, float]] = ARKIT_TABLE,
     warps: int = 0,
     seed: int = 0,
 ) -> PatchClassifier:
@@ -42,19 +45,22 @@ def train_classifier(
 
     Parameters
     ----------
-    patches : Patches
-        The first frame is neutral.
-    lesson : Lesson
+    patches : Patches, or those of several takes
+        The first frame of each is neutral. Other faces are laid over that of the first take.
+    lesson : Lesson, or one a take
     regions : sequence of Region, optional
-        Units that the lesson does not show are left out, and regions without a unit. Single units ("intensity") or the
+        Units that no lesson shows are left out, and regions without a unit. Single units ("intensity") or the
         papers' classes ("svm") if not given.
     method : {"intensity", "svm"}
         Ridge regression on intensities, or the papers' classes of unit and level. A regression also learns from units
         that are shown together; of classes a frame is in one, so such frames are left out.
-    kind : {"gabor", "hog", "edges"}
-        The features.
+    kind : str, optional
+        The features of all regions: gabor, hog, edges or motion, or several joined by +. Each region's own if not
+        given.
     relative : bool
         Take the neutral frame's features off.
+    table : {unit: {shape: weight at full intensity}}
+        Reads intensities off the weights of lessons that have such.
     warps : int
         Randomly warped copies of the training frames that are added, as the papers propose (9, Discussion).
     seed : int
@@ -62,40 +68,68 @@ def train_classifier(
     Raises
     ------
     InputError
-        If the lesson's length is not that of the patches, it shows no unit of any region or one only once, or a name
+        If the lessons are not as long as the patches, they show no unit of any region or one only once, or a name
         is unknown.
     """
     if method not in METHODS:
         raise InputError(f"The method {method!r} is unknown; choose one of {', '.join(METHODS)}.")
-    frames = len(next(iter(patches.images.values())))
-    if len(lesson.units) != frames:
-        raise InputError(f"The lesson has {len(lesson.units)} frames, but the patches have {frames}; they must match.")
-    shown = set(lesson.units) - {""}
+    takes = _takes(patches, lesson)
     regions = regions or (REGIONS if method == "intensity" else PAPER_REGIONS)
+    if kind is not None:
+        check_features(kind)
+        regions = [region._replace(features=kind) for region in regions]
     if method == "svm":
-        patches, lesson = _one_at_a_time(patches, lesson, regions)
-    foreign = sorted(t for t in shown if not any(_counts(t, unit, method) for r in regions for unit in r.units))
-    if foreign and len(foreign) < len(shown):
-        known = ", ".join(dict.fromkeys(unit for region in regions for unit in region.units))
-        log.warning("The showings of %s teach none of the units that are told: %s.", ", ".join(foreign), known)
+        takes = [_one_at_a_time(*take, regions) for take in takes]
+    shown = _shown(takes, regions, method)
     models = []
     for region in regions:
-        units = tuple(unit for unit in region.units if any(_counts(turn, unit, method) for turn in shown))
+        units = tuple(unit for unit in region.units if any(counts(turn, unit, method) for turn in shown))
         if units:
-            part = Region(region.name, region.patches, units)
-            models.append(_train_region(patches, lesson, part, method, kind, relative, warps, seed))
+            labels = labeled(takes, region._replace(units=units), lambda t, u: counts(t, u, method), table, seed)
+            models.append(_train_region(takes, labels, region._replace(units=units), method, relative, warps, seed))
             log.info("%s: %s", region.name, models[-1].scores)
-    if not models:
-        raise InputError(f"The lesson shows none of the units of the regions; it shows {', '.join(sorted(shown))}.")
-    return PatchClassifier(models, patches.neutral, method, kind, relative)
+    return PatchClassifier(models, takes[0][0].neutral, method, relative)
 
 
-def _counts(turn: str, unit: str, method: str) -> bool:
+def counts(turn: str, unit: str, method: str) -> bool:
     """Whether a turn teaches a unit: of classes a frame is in one."""
     return turn == unit if method == "svm" else shows(turn, unit)
 
 
-def _one_at_a_time(patches: Patches, lesson: Lesson, regions: Sequence[Region]) -> tuple[Patches, Lesson]:
+def _takes(patches: Patches | Sequence[Patches], lesson: Lesson | Sequence[Lesson]) -> list[Take]:
+    """Takes and their lessons, all laid over the first."""
+    many = [patches] if isinstance(patches, Patches) else list(patches)
+    lessons = [lesson] if isinstance(lesson, Lesson) else list(lesson)
+    if not many or len(many) != len(lessons):
+        raise InputError(f"There are {len(many)} takes of patches, but {len(lessons)} lessons; give one a take.")
+    for part, shown in zip(many, lessons, strict=True):
+        frames = len(part.sure)
+        if len(shown.units) != frames:
+            raise InputError(
+                f"The lesson has {len(shown.units)} frames, but the patches have {frames}; they must match."
+            )
+    goal = many[0].neutral
+    for part in many[1:]:
+        part.of(tuple(goal))
+    laid = [many[0], *(laid_over(part, flows(part.neutral, goal)) for part in many[1:])]
+    return list(zip(laid, lessons, strict=True))
+
+
+def _shown(takes: Sequence[Take], regions: Sequence[Region], method: str) -> set[str]:
+    """All that the lessons show; what teaches nothing is named, and if all is such, refused."""
+    shown = {unit for _, lesson in takes for unit in lesson.units} - {""}
+    known = tuple(dict.fromkeys(unit for region in regions for unit in region.units))
+    foreign = sorted(turn for turn in shown if not any(counts(turn, unit, method) for unit in known))
+    if len(foreign) == len(shown):
+        raise InputError(f"The lesson shows none of the units of the regions; it shows {', '.join(sorted(shown))}.")
+    if foreign:
+        log.warning(
+            "The showings of %s teach none of the units that are told: %s.", ", ".join(foreign), ", ".join(known)
+        )
+    return shown
+
+
+def _one_at_a_time(patches: Patches, lesson: Lesson, regions: Sequence[Region]) -> Take:
     """The frames of rest and of turns that are a class of their own."""
     classes = {"", *(unit for region in regions for unit in region.units)}
     rows = np.array([unit in classes for unit in lesson.units])
@@ -109,93 +143,37 @@ class _Data:
     """What one region is trained on."""
 
     seen: np.ndarray  # (T, D) features
-    units: np.ndarray  # (T,) int, the unit shown; -1 at rest
     amounts: np.ndarray  # (T, U) intensities
     labels: np.ndarray  # (T,) int, 0 at rest, else 1 + unit * (LEVELS - 1) + level - 1
     folds: np.ndarray  # (T,) int
 
     def part(self, rows: np.ndarray) -> _Data:
-        return _Data(self.seen[rows], self.units[rows], self.amounts[rows], self.labels[rows], self.folds[rows])
+        return _Data(self.seen[rows], self.amounts[rows], self.labels[rows], self.folds[rows])
 
 
-def _train_region(patches, lesson: Lesson, region: Region, method, kind, relative, warps, seed) -> RegionModel:
-    scales, units, amounts, labels = _labeled(patches, lesson, region, method, seed)
-    folds = _folds(lesson)
-    if folds.max() < 1:
+def _train_region(takes: Sequence[Take], labels: Labels, region: Region, method, relative, warps, seed) -> RegionModel:
+    if labels.folds.max() < 1:
         raise InputError(
             f"The lesson shows each unit of the region {region.name!r} only once; let the performer repeat it 4 times."
         )
-    data = _Data(seen_features(patches, region, kind, relative), units, amounts, labels, folds)
-    more = [
-        _Data(seen_features(warped(patches, region, seed + k), region, kind, relative), units, amounts, labels, folds)
-        for k in range(1, warps + 1)
-    ]
+    copies = [[patches for patches, _ in takes]]
+    copies += [[warped(patches, region, seed + k) for patches in copies[0]] for k in range(1, warps + 1)]
+    data, *more = (
+        _Data(np.concatenate([seen_features(p, region, relative) for p in copy]),
+              labels.amounts, labels.classes, labels.folds)
+        for copy in copies
+    )  # fmt: skip
     ridge, left_out = _left_out(data, more, method, seed)
     weights, offsets, classes = _fit(_joined([data, *more]), method, ridge, seed)
-    shown = paint_amount(patches, region)
+    shown = np.concatenate([paint_amount(patches, region) for patches in copies[0]])
     coverage = np.stack([shown.min(0), shown.max(0)], axis=1).clip(1e-3)
     model = RegionModel(region, weights, offsets, classes, np.array([0.0, 5.0]), coverage, np.zeros(len(region.units)))
-    return _judged(model, data, left_out, scales)
-
-
-def _labeled(patches: Patches, lesson: Lesson, region: Region, method: str, seed: int):
-    """Scales of the units, the unit of each frame, intensities (T, U) and classes (T,) of the training frames.
-
-    Units that are shown together rise and fall together, along one mode of their own.
-    """
-    pictures = np.concatenate([_soft(frames) for frames in patches.of(region.patches)], axis=1)
-    rest = np.concatenate([_soft(patches.neutral[name][None])[0] for name in region.patches])
-    units, labels = np.full(len(pictures), -1), np.zeros(len(pictures), dtype=int)
-    amounts, scales = np.zeros((len(pictures), len(region.units))), {}
-    for turn in sorted(set(lesson.units) - {""}, key=lambda turn: (-len(turn), turn)):
-        taught = np.flatnonzero([_counts(turn, unit, method) for unit in region.units])
-        if not len(taught):
-            continue
-        own = np.flatnonzero(lesson.units == turn)
-        _check_moves(pictures[own] - rest, turn, region.name)
-        scale = measure_intensity(pictures[own], rest, seed)
-        level = scale.level(pictures[own])
-        amounts[np.ix_(own, taught)] = scale.amount(pictures[own])[:, None]
-        units[own], labels[own] = taught[0], np.where(level > 0, taught[0] * (LEVELS - 1) + level, 0)
-        scales |= dict.fromkeys(taught.tolist(), scale)  # the shortest name comes last: the unit on its own
-    return tuple(scales[u] for u in range(len(region.units))), units, amounts, labels
-
-
-def _check_moves(motion: np.ndarray, turn: str, region: str) -> None:
-    """Refuse showings that show nothing: a frozen film would be told perfectly, and tell nothing."""
-    if len(motion) < LEVELS:
-        raise InputError(f"The lesson shows {turn} in {len(motion)} frames; it takes at least {LEVELS}.")
-    if np.sqrt((motion**2).mean()) < STILL:
-        raise InputError(
-            f"Where the lesson shows {turn}, the patches of the region {region!r} do not move; check that the video "
-            "plays and that its times are those of the showings."
-        )
-
-
-def _soft(frames: np.ndarray) -> np.ndarray:
-    """Pictures (T, h * w / 4), blurred: a thin stroke that moves by more than its width still moves along one mode."""
-    import cv2
-
-    size = (frames.shape[2] // 2, frames.shape[1] // 2)
-    soft = [cv2.resize(cv2.GaussianBlur(frame, (0, 0), SOFT), size, interpolation=cv2.INTER_AREA) for frame in frames]
-    return np.stack(soft).reshape(len(frames), -1).astype(np.float32) / 255
-
-
-def _folds(lesson: Lesson) -> np.ndarray:
-    """(T,) which fold a frame is in: the k-th showing of a unit, with the rest after it, is in fold k modulo FOLDS."""
-    folds, seen, fold = np.zeros(len(lesson.units), dtype=int), {}, 0
-    last = None
-    for t, (unit, repetition) in enumerate(zip(lesson.units, lesson.repetitions, strict=True)):
-        if unit and repetition != last:
-            fold = seen.get(unit, 0)
-            seen[unit], last = fold + 1, repetition
-        folds[t] = fold % FOLDS
-    return folds
+    return _judged(model, data, left_out, halves(region.units, {t for _, lesson in takes for t in lesson.units}))
 
 
 def _fit(data: _Data, method: str, ridge: float, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Weights (K, D), offsets (K,) and classes of a machine on the principal components of the features."""
-    mean, axes, deviations = _components(data.seen)
+    mean, axes, deviations = _components(data.seen, method)
     slopes, shifts, classes = _machine((data.seen - mean) @ axes.T / deviations, data, method, ridge, seed)
     weights = (slopes / deviations) @ axes
     return np.ascontiguousarray(weights, dtype=np.float32), shifts - weights @ mean, classes
@@ -215,17 +193,22 @@ def _machine(inner: np.ndarray, data: _Data, method: str, ridge: float, seed: in
     return sign * machine.coef_, sign * machine.intercept_, kinds + [0, 1] * (kinds[:, :1] >= 0)
 
 
-def _components(seen: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Mean (D,), principal axes (P, D) that keep `VARIANCE`, and the deviations (P,) along them."""
+def _components(seen: np.ndarray, method: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Mean (D,), principal axes (P, D) that keep `VARIANCE`, and what (P,) to divide by along them.
+
+    The papers' machine wants all components alike; for a regression small ones are mostly noise and stay small.
+    """
     mean = seen.mean(0)
     every = max(1, len(seen) // MOST_FRAMES)  # neighboring frames are alike
     centered = seen[::every] - mean
     values, vectors = np.linalg.eigh((centered @ centered.T).astype(np.float64))
     values, vectors = values[::-1].clip(0), vectors[:, ::-1]
-    count = int(np.searchsorted(np.cumsum(values) / max(values.sum(), 1e-12), VARIANCE)) + 1
+    total = max(values.sum(), 1e-12)
+    count = int(np.searchsorted(np.cumsum(values) / total, VARIANCE[method])) + 1
     scale = np.sqrt(np.maximum(values[:count], 1e-12))
     axes = (vectors[:, :count] / scale).T @ centered
-    return mean.astype(np.float64), axes, scale / np.sqrt(len(centered))
+    spread = scale if method == "svm" else np.full(count, np.sqrt(total))
+    return mean.astype(np.float64), axes, spread / np.sqrt(len(centered))
 
 
 def _regression(inner: np.ndarray, amounts: np.ndarray, ridge: float) -> tuple[np.ndarray, np.ndarray]:
@@ -248,7 +231,7 @@ def _left_out(data: _Data, more: list[_Data], method: str, seed: int):
     for fold in np.unique(data.folds):
         test, rest = np.flatnonzero(data.folds == fold), np.flatnonzero(data.folds != fold)
         known = _joined([part.part(rest) for part in (data, *more)])
-        mean, axes, deviations = _components(known.seen)
+        mean, axes, deviations = _components(known.seen, method)
         inner, outer = ((seen - mean) @ axes.T / deviations for seen in (known.seen, data.seen[test]))
         for k, ridge in enumerate(ridges):
             slopes, shifts, classes = _machine(inner, known, method, ridge, seed)
@@ -265,26 +248,27 @@ def _joined(parts: list[_Data]) -> _Data:
     return _Data(*(np.concatenate(column) for column in zip(*(vars(part).values() for part in parts), strict=True)))
 
 
-def _judged(model: RegionModel, data: _Data, left_out: tuple[np.ndarray, np.ndarray], scales) -> RegionModel:
+def _judged(model: RegionModel, data: _Data, left_out: tuple[np.ndarray, np.ndarray], whole) -> RegionModel:
     """The model with what left-out showings say of it: errors, accuracies, confusion, calibration."""
-    intensity, margins = left_out
-    count = len(model.region.units)
-    true, said = recognized(data.amounts), recognized(intensity)
-    lone = np.count_nonzero(data.amounts, axis=1) < 2
-    clear = is_clear(data.amounts) & lone
-    confusion = np.zeros((count + 1, count + 1), dtype=int)
-    np.add.at(confusion, (true[clear] + 1, said[clear] + 1), 1)
-    levels = np.stack([np.abs(intensity[:, [u]] - scale.centers).argmin(1) for u, scale in enumerate(scales)], 1)
-    rows = np.arange(len(true))
-    answered = np.where(said >= 0, said * (LEVELS - 1) + levels[rows, np.maximum(said, 0)], 0)
+    told, margins = left_out
+    merge = np.zeros((len(model.region.units), len(whole)))
+    for column, places in enumerate(whole.values()):
+        merge[places, column] = 1 / len(places)
+    true, said = data.amounts @ merge, told @ merge
+    unit, answered = recognized(true), recognized(said)
+    lone = np.count_nonzero(true > SHOWN, axis=1) < 2
+    clear = is_clear(true) & lone
+    confusion = np.zeros((len(whole) + 1, len(whole) + 1), dtype=int)
+    np.add.at(confusion, (unit[clear] + 1, answered[clear] + 1), 1)
+    right = (unit == answered) & (np.abs(said - true).max(1) < NEAR)
     scores = {
-        "unit": float((true == said)[clear].mean()),
-        "unit, all frames": float((true == said)[lone].mean()),
-        "unit and level": float((answered == data.labels)[lone].mean()),
+        "unit": float((unit == answered)[clear].mean()),
+        "unit, all frames": float((unit == answered)[lone].mean()),
+        "unit and intensity": float(right[lone].mean()),
     }
-    errors = np.sqrt(((intensity - data.amounts) ** 2).mean(0))
-    trust = model.trust if not len(model.classes) else _calibrated(margins[lone], (answered == data.labels)[lone])
-    return replace(model, trust=trust, errors=errors, scales=scales, scores=scores, confusion=confusion)
+    errors = np.sqrt(((told - data.amounts) ** 2).mean(0))
+    trust = _calibrated(margins[lone], right[lone]) if len(model.classes) else model.trust
+    return replace(model, trust=trust, errors=errors, scores=scores, confusion=confusion)
 
 
 def recognized(amounts: np.ndarray) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from typing import NamedTuple
 
 
@@ -12,38 +12,53 @@ class Region(NamedTuple):
     name: str
     patches: tuple[str, ...]
     units: tuple[str, ...]
+    features: str = "gabor"  # what is seen of a patch; several are joined by +
+    aligned: bool = True  # whether another face is laid over the training face first
 
 
-# Each unit on its own: a regression tells them side by side, also where they come together.
+# Each unit on its own: a regression tells them side by side, also where they come together. What is seen and whether
+# faces are laid over each other was chosen on the tuning takes: motion of strokes is like from face to face as it is.
 REGIONS: tuple[Region, ...] = (
-    Region("brows", ("forehead_right", "forehead_left", "glabella"), ("AU1", "AU2", "AU4")),
-    Region("nose", ("glabella", "nose_right", "nose_left"), ("AU9",)),
-    Region("eyes", ("eye_right", "eye_left"), ("AU5", "AU6", "AU7", "AU45", "AU63", "AU64")),
-    Region("mouth", ("mouth_right", "mouth_left"), ("AU10+12+18+23L", "AU10+12+18+23R")),
-)
+    Region(
+        "brows", ("forehead_right", "forehead_left", "glabella"), ("AU1", "AU2L", "AU2R", "AU4L", "AU4R"),
+        "motion", aligned=False,
+    ),
+    Region("nose", ("glabella", "nose_right", "nose_left"), ("AU9L", "AU9R"), "gabor+motion"),
+    Region(
+        "eyes", ("eye_right", "eye_left"),
+        ("AU5L", "AU5R", "AU6L", "AU6R", "AU7L", "AU7R", "AU45L", "AU45R", "AU63L", "AU63R", "AU64L", "AU64R"),
+        "gabor+motion", aligned=False,
+    ),
+    Region(
+        "mouth", ("mouth_right", "mouth_left"),
+        ("AU10L", "AU10R", "AU12L", "AU12R", "AU15L", "AU15R", "AU18", "AU20L", "AU20R", "AU26"),
+        "motion",
+    ),
+)  # fmt: skip
 # Section 7.2.1 of Reading Between the Dots (2016): classes, of which a frame is in one. The last two are its sideways
 # pucker, 10 + 12 + 18 + 23 on one side.
 PAPER_REGIONS: tuple[Region, ...] = (
-    REGIONS[0]._replace(units=("AU1+2", "AU4")),
-    REGIONS[1],
-    REGIONS[2]._replace(units=("AU7", "AU45", "AU6+43")),
-    REGIONS[3],
+    Region("brows", REGIONS[0].patches, ("AU1+2", "AU4")),
+    Region("nose", REGIONS[1].patches, ("AU9",)),
+    Region("eyes", REGIONS[2].patches, ("AU7", "AU45", "AU6+43")),
+    Region("mouth", REGIONS[3].patches, ("AU10+12+18+23L", "AU10+12+18+23R")),
 )
 SAME = {"43": "45"}  # a lid that is shut looks the same, long or short
 
+_SIDED = {
+    "AU2": "browOuterUp", "AU4": "browDown", "AU5": "eyeWide", "AU6": "cheekSquint", "AU7": "eyeSquint",
+    "AU9": "noseSneer", "AU10": "mouthUpperUp", "AU12": "mouthSmile", "AU15": "mouthFrown", "AU20": "mouthStretch",
+    "AU45": "eyeBlink", "AU63": "eyeLookUp", "AU64": "eyeLookDown",
+}  # fmt: skip
 # What each unit does on a rig with ARKit's names, at full intensity; a rig of other names brings a table of its own.
 ARKIT_TABLE: Mapping[str, Mapping[str, float]] = {
     "AU1": {"browInnerUp": 1.0},
-    "AU2": {"browOuterUpLeft": 1.0, "browOuterUpRight": 1.0},
-    "AU5": {"eyeWideLeft": 1.0, "eyeWideRight": 1.0},
-    "AU6": {"cheekSquintLeft": 1.0, "cheekSquintRight": 1.0},
-    "AU63": {"eyeLookUpLeft": 1.0, "eyeLookUpRight": 1.0},
-    "AU64": {"eyeLookDownLeft": 1.0, "eyeLookDownRight": 1.0},
+    "AU18": {"mouthPucker": 1.0},
+    "AU26": {"jawOpen": 1.0},
+    **{unit: {f"{shape}Left": 1.0, f"{shape}Right": 1.0} for unit, shape in _SIDED.items()},
+    **{f"{unit}L": {f"{shape}Left": 1.0} for unit, shape in _SIDED.items()},
+    **{f"{unit}R": {f"{shape}Right": 1.0} for unit, shape in _SIDED.items()},
     "AU1+2": {"browInnerUp": 1.0, "browOuterUpLeft": 1.0, "browOuterUpRight": 1.0},
-    "AU4": {"browDownLeft": 1.0, "browDownRight": 1.0},
-    "AU9": {"noseSneerLeft": 1.0, "noseSneerRight": 1.0},
-    "AU7": {"eyeSquintLeft": 1.0, "eyeSquintRight": 1.0},
-    "AU45": {"eyeBlinkLeft": 1.0, "eyeBlinkRight": 1.0},
     "AU6+43": {"cheekSquintLeft": 1.0, "cheekSquintRight": 1.0, "eyeBlinkLeft": 1.0, "eyeBlinkRight": 1.0},
     "AU10+12+18+23L": {"mouthPucker": 0.8, "mouthLeft": 1.0},
     "AU10+12+18+23R": {"mouthPucker": 0.8, "mouthRight": 1.0},
@@ -51,9 +66,19 @@ ARKIT_TABLE: Mapping[str, Mapping[str, float]] = {
 
 
 def shows(turn: str, unit: str) -> bool:
-    """Whether who does `turn` shows `unit`: AU1+2+5 shows AU1, AU2 and AU5, and AU6+43 shows AU45."""
+    """Whether who does `turn` shows `unit`: AU1+2+5 shows AU1, AU2L and AU5R, AU6+43 shows AU45, AU45L not AU45R."""
     done, asked = _parts(turn), _parts(unit)
-    return done[1] == asked[1] and asked[0] <= done[0]
+    return (not asked[1] or done[1] in ("", asked[1])) and asked[0] <= done[0]
+
+
+def halves(units: Sequence[str], turns: Collection[str]) -> dict[str, list[int]]:
+    """Places of the units by name, without sides where a turn shows both sides at once."""
+    found: dict[str, list[int]] = {}
+    for place, unit in enumerate(units):
+        whole = unit.rstrip("LR")
+        both = any(shows(turn, f"{whole}L") and shows(turn, f"{whole}R") for turn in turns)
+        found.setdefault(whole if both else unit, []).append(place)
+    return found
 
 
 def _parts(name: str) -> tuple[frozenset[str], str]:
