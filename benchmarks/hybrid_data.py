@@ -20,7 +20,7 @@ from scipy.spatial import cKDTree
 
 import blendcap
 from accuracy_data import DATA, MM, performance
-from blendcap import Animation, Binding, MarkerTake, Rig, SurfacePoints
+from blendcap import Animation, Binding, MarkerTake, Rig, SolveSettings, SurfacePoints
 from blendcap.data.names import match
 from blendcap.makeup.lesson import Lesson
 from blendcap.makeup.patches import Patches, extract_patches
@@ -35,7 +35,9 @@ from blendcap.synthetic.performer import make_performer
 from blendcap.synthetic.shot import Shot
 from blendcap.synthetic.takes import Truth, choose_points, make_take
 
-RATE = 24.0  # of the lessons
+RATE = 24.0  # of the exercises
+LESSON_RATE = 12.0  # of the lessons: frames that are far apart teach more
+MORE = ("1", "2", "5", "6", "10", "12", "15", "20", "26", "63", "64")  # units that the papers' lesson lacks
 SCAN = 0.5  # mm by which the neutral of the solver's rig errs, as smooth as faces differ
 APART = 3.0  # mm from the middle of a stroke to that of a marker, at least
 ASIDE = {"10L+12L+18L+23L": "AU10+12+18+23L", "10R+12R+18R+23R": "AU10+12+18+23R"}
@@ -103,7 +105,7 @@ def film(
     if bump:
         take, truth = _bumped(take, truth, bump)
     binding = blendcap.bind(rig, take, points)
-    key = _key(performer.rig, take, animation)
+    key = _key(performer.rig, take, animation, makeup)
     path = cache_folder / f"{name}-{key}.npz"
     if not path.exists():
         helmet = mount_head_camera(performer.rig, seed=seed)
@@ -119,9 +121,9 @@ def film(
     return Filmed(rig, own, animation, take, truth, binding, patches, makeup, seed)
 
 
-def _key(rig: Rig, take: MarkerTake, animation: Animation) -> str:
-    """What a film depends on: the face as it is now, what it does, and where its markers are."""
-    parts = (rig.mesh.vertices, rig.deltas, take.positions, animation.weights)
+def _key(rig: Rig, take: MarkerTake, animation: Animation, makeup: Sequence[Stroke]) -> str:
+    """What a film depends on: the face as it is now, its paint, what it does, and where its markers are."""
+    parts = [rig.mesh.vertices, rig.deltas, take.positions, animation.weights, *(stroke.points for stroke in makeup)]
     return hashlib.sha256(b"".join(np.ascontiguousarray(part).tobytes() for part in parts)).hexdigest()[:12]
 
 
@@ -167,16 +169,24 @@ def _bumped(take: MarkerTake, truth: Truth, size: float) -> tuple[MarkerTake, Tr
     return replace(take, positions=take.positions + shift), moved
 
 
-def lesson(
-    kind: str, cache_folder: Path, units: Sequence[str] = TRAINED, repeats: int = 4, seed: int = 0
-) -> tuple[Filmed, Lesson]:
-    """The papers' units, each four times, shown by the teacher of a face, who wears markers on the lids, too."""
+def lessons(kind: str, cache_folder: Path) -> tuple[list[Patches], list[Lesson]]:
+    """Two lessons by the teacher of a face, who wears markers on the lids, too: the papers' units, and more units."""
+    taught = [_lesson(kind, cache_folder, *what) for what in ((TRAINED, 4, 0), (MORE, 3, 50))]
+    return [patches for patches, _ in taught], [shown for _, shown in taught]
+
+
+def _lesson(
+    kind: str, cache_folder: Path, units: Sequence[str], repeats: int, seed: int
+) -> tuple[Patches, Lesson]:  # fmt: skip
+    """Units shown one after the other, with the weights that the markers give."""
     person = PEOPLE[kind][0]
-    shown = action_units(face(kind, person), units, rate=RATE, repeats=repeats, seed=seed)
+    shown = action_units(face(kind, person), units, rate=LESSON_RATE, repeats=repeats, seed=seed)
     filmed = film(kind, person, shown.animation, person + seed, cache_folder, f"{kind}-{person}-lesson", spread=True)
     lead = len(filmed.take.positions) - len(shown.animation.weights)
-    spans = [((a + lead) / RATE, (b + lead) / RATE, ASIDE.get(u, f"AU{u}")) for u, a, b, _ in shown.turns]
-    return filmed, Lesson.of_spans(spans, len(filmed.take.positions), RATE)
+    spans = [((a + lead) / LESSON_RATE, (b + lead) / LESSON_RATE, ASIDE.get(u, f"AU{u}")) for u, a, b, _ in shown.turns]
+    settings = SolveSettings(head="keep")
+    solved = blendcap.solve(filmed.rig, filmed.take, filmed.binding, settings=settings).animation
+    return filmed.patches, Lesson.of_spans(spans, len(filmed.take.positions), LESSON_RATE, solved)
 
 
 def exercise(kind: str, person: int, cache_folder: Path, repeats: int = 2, seed: int = 7) -> tuple[Filmed, np.ndarray]:

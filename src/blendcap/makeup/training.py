@@ -20,7 +20,7 @@ from blendcap.makeup.units import ARKIT_TABLE, PAPER_REGIONS, REGIONS, Region, h
 
 VARIANCE = {"svm": 0.9, "intensity": 0.99}  # of the features, that the principal components keep
 MOST_FRAMES = 800  # from which principal components are taken, about
-RIDGES = (0.1, 0.3, 1.0, 3.0)  # in the variance of all features together
+RIDGE = 3.0  # in the variance of all features together: from 1 to 10 it hardly matters
 COST = 0.1  # C of the support vector machine
 NEAR = 0.25  # an intensity that errs by less is right
 SHOWN = 0.1  # an intensity below is none
@@ -163,26 +163,26 @@ def _train_region(takes: Sequence[Take], labels: Labels, region: Region, method,
               labels.amounts, labels.classes, labels.folds)
         for copy in copies
     )  # fmt: skip
-    ridge, left_out = _left_out(data, more, method, seed)
-    weights, offsets, classes = _fit(_joined([data, *more]), method, ridge, seed)
+    left_out = _left_out(data, more, method, seed)
+    weights, offsets, classes = _fit(_joined([data, *more]), method, seed)
     shown = np.concatenate([paint_amount(patches, region) for patches in copies[0]])
     coverage = np.stack([shown.min(0), shown.max(0)], axis=1).clip(1e-3)
     model = RegionModel(region, weights, offsets, classes, np.array([0.0, 5.0]), coverage, np.zeros(len(region.units)))
     return _judged(model, data, left_out, halves(region.units, {t for _, lesson in takes for t in lesson.units}))
 
 
-def _fit(data: _Data, method: str, ridge: float, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _fit(data: _Data, method: str, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Weights (K, D), offsets (K,) and classes of a machine on the principal components of the features."""
     mean, axes, deviations = _components(data.seen, method)
-    slopes, shifts, classes = _machine((data.seen - mean) @ axes.T / deviations, data, method, ridge, seed)
+    slopes, shifts, classes = _machine((data.seen - mean) @ axes.T / deviations, data, method, seed)
     weights = (slopes / deviations) @ axes
     return np.ascontiguousarray(weights, dtype=np.float32), shifts - weights @ mean, classes
 
 
-def _machine(inner: np.ndarray, data: _Data, method: str, ridge: float, seed: int):
+def _machine(inner: np.ndarray, data: _Data, method: str, seed: int):
     """Slopes (K, P), shifts (K,) and classes of a machine on components (T, P) of the data."""
     if method == "intensity":
-        return *_regression(inner, data.amounts, ridge), np.zeros((0, 2), dtype=int)
+        return *_regression(inner, data.amounts), np.zeros((0, 2), dtype=int)
     from sklearn.svm import SVC
 
     machine = SVC(kernel="linear", C=COST, decision_function_shape="ovo", random_state=seed)
@@ -211,37 +211,26 @@ def _components(seen: np.ndarray, method: str) -> tuple[np.ndarray, np.ndarray, 
     return mean.astype(np.float64), axes, spread / np.sqrt(len(centered))
 
 
-def _regression(inner: np.ndarray, amounts: np.ndarray, ridge: float) -> tuple[np.ndarray, np.ndarray]:
+def _regression(inner: np.ndarray, amounts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Slopes (U, P) and offsets (U,) of a ridge regression on centered components (T, P)."""
     center = amounts.mean(0)
-    gram = inner.T @ inner + ridge * np.eye(inner.shape[1])
+    gram = inner.T @ inner + RIDGE * np.eye(inner.shape[1])
     return np.linalg.solve(gram, inner.T @ (amounts - center)).T, center
 
 
-def _left_out(data: _Data, more: list[_Data], method: str, seed: int):
-    """The ridge that errs least on frames whose showings were left out of the training, and what is told of these.
-
-    Returns
-    -------
-    ridge : float
-    told : (intensities (T, U), margins (T,))
-    """
-    ridges = RIDGES if method == "intensity" else (0.0,)
-    intensity, margins = np.zeros((len(ridges), *data.amounts.shape)), np.zeros(len(data.seen))
+def _left_out(data: _Data, more: list[_Data], method: str, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """What is told of frames whose showings were left out of the training: intensities (T, U) and margins (T,)."""
+    intensity, margins = np.zeros_like(data.amounts), np.zeros(len(data.seen))
     for fold in np.unique(data.folds):
         test, rest = np.flatnonzero(data.folds == fold), np.flatnonzero(data.folds != fold)
         known = _joined([part.part(rest) for part in (data, *more)])
-        mean, axes, deviations = _components(known.seen, method)
-        inner, outer = ((seen - mean) @ axes.T / deviations for seen in (known.seen, data.seen[test]))
-        for k, ridge in enumerate(ridges):
-            slopes, shifts, classes = _machine(inner, known, method, ridge, seed)
-            part = Region("", (), ("",) * data.amounts.shape[1])
-            model = RegionModel(part, slopes, shifts, classes, np.zeros(2), np.ones((0, 2)), np.zeros(0))
-            intensity[k, test], _ = model.answer(outer)
-            if len(classes):
-                margins[test] = margin(tally(outer @ slopes.T + shifts, len(classes)))
-    best = int(((intensity - data.amounts) ** 2).sum((1, 2)).argmin())
-    return ridges[best], (intensity[best], margins)
+        weights, offsets, classes = _fit(known, method, seed)
+        part = Region("", (), ("",) * data.amounts.shape[1])
+        model = RegionModel(part, weights, offsets, classes, np.zeros(2), np.ones((0, 2)), np.zeros(0))
+        intensity[test], _ = model.answer(data.seen[test])
+        if len(classes):
+            margins[test] = margin(tally(data.seen[test] @ weights.T + offsets, len(classes)))
+    return intensity, margins
 
 
 def _joined(parts: list[_Data]) -> _Data:
