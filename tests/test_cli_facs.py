@@ -13,6 +13,7 @@ from blendcap.cli.facs import _check_films
 from blendcap.data import Camera, InputError
 from blendcap.io import read_video, write_video
 from blendcap.io.cameras import read_cameras, write_cameras
+from blendcap.io.images import read_image
 from blendcap.io.turns import read_turns
 from blendcap.makeup.setup import locate
 from blendcap.rendering.camera import look_at, project
@@ -69,12 +70,19 @@ def arguments(folder: Path, name: str) -> list[str]:
 @pytest.mark.slow
 def test_curves_from_video_make_the_solve_better(stage, rig, capsys):
     model, curves, film = (str(stage / name) for name in ("model.npz", "curves.csv", "overlay.mp4"))
-    turns = ["--turns", str(stage / "lesson.turns.csv")]
+    places = ["--correspondences", str(stage / "places.json"), "--head", "keep"]
+    weights = str(stage / "lesson.weights.npz")
+    assert main(["solve", str(stage / "lesson.c3d"), "--rig", str(stage / "rig.glb"), *places, "-o", weights]) == 0
+    turns = ["--turns", str(stage / "lesson.turns.csv"), "--weights", weights]
+    capsys.readouterr()
     assert main(["facs", "train", *arguments(stage, "lesson"), *turns, "-o", model, "--json"]) == 0
     answer = json.loads(capsys.readouterr().out)
-    assert answer["units"] == ["AU1", "AU2", "AU45"] and answer["left_out"]["eyes"]["unit"] > 0.9
-    assert main(["facs", "predict", *arguments(stage, "test"), "--model", model, "-o", curves, "--overlay", film]) == 0
+    assert answer["units"] == ["AU1", "AU2L", "AU2R", "AU45L", "AU45R"] and answer["left_out"]["eyes"]["unit"] > 0.9
+    picture = str(stage / "overlay.png")
+    shown = ["--overlay", film, "--picture", picture]
+    assert main(["facs", "predict", *arguments(stage, "test"), "--model", model, "-o", curves, *shown]) == 0
     assert read_video(film).count == read_video(videos(stage, "test")[0]).count
+    assert read_image(picture).shape[1] == 960
     told, truth = blendcap.read_animation(curves), blendcap.read_animation(stage / "test.truth.csv")
     both = truth.select(told.names)
     blink = told.names.index("eyeBlinkLeft")
@@ -204,4 +212,7 @@ def test_video_of_another_length_is_refused(rig, bound, tmp_path, capsys):
     assert "has 7 frames at 30 a second, but the take" in capsys.readouterr().err
     assert main(["facs", "train", *[str(tmp_path / "v.mp4")] * 2, *common]) == 1
     assert "There are 2 videos, but 1 cameras" in capsys.readouterr().err
+    twice = ["--take", str(tmp_path / "t.c3d")]
+    assert main(["facs", "train", *[str(tmp_path / "v.mp4")] * 2, *common, *twice]) == 1
+    assert "There are 2 takes, 1 turns, 0 weights and 2 videos; give turns for each take" in capsys.readouterr().err
     assert not (tmp_path / "m.npz").exists()

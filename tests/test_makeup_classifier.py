@@ -2,23 +2,24 @@
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 from scipy.signal import savgol_filter
 
-from blendcap.data import InputError
+from blendcap.data import Animation, InputError
 from blendcap.io.models import read_model, write_model
 from blendcap.makeup.augmentation import warped
 from blendcap.makeup.classifier import margin, tally
 from blendcap.makeup.curves import WINDOWS, classify
-from blendcap.makeup.features import features, gabor, gabor_bank
+from blendcap.makeup.features import COARSE, MOTION, SOFT, features, gabor, gabor_bank, motion
 from blendcap.makeup.intensity import measure_intensity
 from blendcap.makeup.labels import soft
 from blendcap.makeup.lesson import Lesson
 from blendcap.makeup.packing import KIND, VERSION, pack, unpack
 from blendcap.makeup.patches import Patches
 from blendcap.makeup.training import train_classifier
-from blendcap.makeup.units import Region
+from blendcap.makeup.units import Region, halves, shows
 from toy_makeup import REGION, draw, perform
 
 TABLE = {"AU1+2": {"browInnerUp": 1.0}, "AU4": {"browDownLeft": 0.5}, "AU9": {"noseSneerLeft": 1.0}}
@@ -161,6 +162,57 @@ def test_features_of_every_kind_follow_their_input():
         assert np.linalg.norm(moved[1] - moved[0]) > 0.1 * np.linalg.norm(moved[0])
     with pytest.raises(InputError, match="features 'haar' are unknown"):
         features([image[None]], [image], "haar")
+
+
+def test_motion_is_how_far_a_stroke_has_moved():
+    image = np.zeros((44, 56), dtype=np.uint8)
+    image[18:22, 8:48] = 255
+    for shift in (-3, 2, 4):
+        moved = motion(np.roll(image, shift, axis=0), image)
+        still = motion(image, image)
+        paint = cv2.GaussianBlur(image, (0, 0), SOFT).sum() / 255 * MOTION / COARSE**2
+        assert moved[..., 1].sum() / paint == pytest.approx(shift, rel=0.15)
+        assert abs(moved[..., 0].sum() / paint) < 0.2 and np.abs(still).max() < 1e-3 * MOTION
+
+
+def test_takes_teach_together_and_each_unit_need_not_be_in_all():
+    first, shown, truth = perform(repetitions=3)
+    other, told, _ = perform(repetitions=2, build=2.0, seed=4)
+    brow = Lesson(np.where(shown.units == "AU9", "", shown.units), shown.repetitions)
+    nose = Lesson(np.where(told.units == "AU9", "AU9", ""), told.repetitions)
+    both = train_classifier([first, other], [brow, nose], regions=[REGION])
+    assert both.units == REGION.units
+    np.testing.assert_array_equal(both.neutral["forehead"], first.neutral["forehead"])
+    test, _, truth = perform(repetitions=2, seed=5)
+    intensity, _ = both(test)
+    clear = truth.max(1) > 0.3
+    assert (intensity.argmax(1) == truth.argmax(1))[clear].mean() > 0.9
+    with pytest.raises(InputError, match="There are 2 takes of patches, but 1 lessons; give one a take"):
+        train_classifier([first, other], brow, regions=[REGION])
+
+
+def test_intensities_are_read_off_solved_weights_where_these_are_sure(lesson):
+    patches, shown, truth = lesson
+    names = ("browInnerUp", "browDownLeft", "noseSneerLeft")
+    half = Animation(0.5 * truth, names, patches.rate)
+    table = {unit: {name: 1.0} for unit, name in zip(REGION.units, names, strict=True)}
+    known = replace(shown, weights=half)
+    intensity, _ = train_classifier(patches, known, regions=[REGION], table=table)(patches)
+    assert np.sqrt(((intensity - 0.5 * truth) ** 2).mean()) < 0.04
+    unsure = np.ones_like(truth)
+    unsure[:, 0] = 0.2
+    mixed = replace(shown, weights=replace(half, confidence=unsure))
+    intensity, _ = train_classifier(patches, mixed, regions=[REGION], table=table)(patches)
+    assert np.percentile(intensity[:, 0], 99) > 0.8 and np.percentile(intensity[:, 1], 99) < 0.65
+    with pytest.raises(InputError, match="lesson's weights have 3 frames"):
+        replace(shown, weights=Animation(truth[:3], names, patches.rate))
+
+
+def test_what_a_turn_shows_and_which_units_are_halves_of_one():
+    assert shows("AU1+2+5", "AU2L") and shows("AU6+43", "AU45R") and shows("AU45L", "AU45L") and shows("AU10L", "AU10")
+    assert not shows("AU45L", "AU45R") and not shows("AU4", "AU1") and not shows("AU1", "AU1+2")
+    units = ("AU1", "AU2L", "AU2R", "AU10L", "AU10R")
+    assert halves(units, {"AU1+2", "AU10L", "AU10R"}) == {"AU1": [0], "AU2": [1, 2], "AU10L": [3], "AU10R": [4]}
 
 
 def test_warped_copies_differ_a_little_and_are_the_same_for_a_seed(lesson):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -9,96 +10,118 @@ from cyclopts import App, Parameter
 
 import blendcap
 from blendcap.cli.answers import AsJson, print_json, print_lines
-from blendcap.cli.outputs import check_outputs
+from blendcap.cli.outputs import PICTURES, check_outputs
 from blendcap.cli.progress import Progress
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
+    from blendcap.data import Animation
     from blendcap.io.cameras import Cameras
     from blendcap.io.video import Video
     from blendcap.makeup.patches import Patches
     from blendcap.makeup.setup import Setup
 
-MODELS, CURVES, TABLES = (".npz",), (".csv", ".npz"), (".json",)
+MODELS, CURVES, VIDEOS = (".npz",), (".csv", ".npz"), (".mp4",)
 DOT = 0.011  # radius of a marker's dot that is taken off the paint, of the picture's height
-ANOTHER = 0.5  # seconds by which take and video may differ in length
 
 facs = App(name="facs", help="Action units from makeup patches in head-camera video.")
-Stable = Annotated[tuple[str, ...], Parameter(negative=())]
+Many = Annotated[tuple[Path, ...], Parameter(negative=())]
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Footage:
+    """Where the patches are in the pictures."""
+
+    cameras: Path
+    """A .json of the calibrated cameras, in the space of the takes."""
+    rig: Path
+    """A rig with the 68 landmarks; the markers lay it over the face."""
+    correspondences: Path | None = None
+    """A .json that says where each marker sits; found if not given."""
+    stable: Annotated[tuple[str, ...], Parameter(negative=())] = ()
+    """A marker that does not move with the face, by name; repeat it for at least three. Found if not given."""
+    threshold: float | None = None
+    """How much brighter than the skin around it paint is, in multiples of the patch's median. Found if not given."""
 
 
 @facs.command
 def train(
-    videos: Annotated[tuple[Path, ...], Parameter(negative=())],
+    videos: Many,
     /,
     *,
-    cameras: Path,
-    take: Path,
-    rig: Path,
-    turns: Path,
+    footage: Footage,
+    take: Many,
+    turns: Many,
     output: Annotated[Path, Parameter(name=("--output", "-o"))],
-    correspondences: Path | None = None,
-    stable: Stable = (),
+    weights: Many = (),
+    table: Path | None = None,
     method: Literal["intensity", "svm"] = "intensity",
-    features: Literal["gabor", "hog", "edges"] = "gabor",
+    features: str | None = None,
     warps: int = 0,
-    threshold: float | None = None,
     seed: int = 0,
     as_json: AsJson = False,
 ) -> None:
     """Train a classifier on one performer who shows each action unit four or five times.
 
+    Several takes teach together: repeat --take, --turns and --weights, and name the videos take by take.
+
     Parameters
     ----------
     videos
         The head cameras' videos, one a camera and in their order. They begin with the take, on a neutral face.
-    cameras
-        A .json of the calibrated cameras, in the space of the take.
     take
         The markers of the same performance: .c3d, .trc or .csv.
-    rig
-        A rig with the 68 landmarks; the markers lay it over the face.
     turns
         A .csv with a row for each time that a unit was shown: start,end,unit in seconds.
     output
         The model to write: .npz.
-    correspondences
-        A .json that says where each marker sits; found if not given.
-    stable
-        A marker that does not move with the face, by name; repeat it for at least three. Found if not given.
+    weights
+        The solved take, .npz or .csv: tells how strongly each unit is shown, better than the pictures do.
+    table
+        A .json from units to the shapes of the weights: {"AU4L": {"browLower_L": 1.0}}. ARKit's names if not given.
     method
         intensity: regression of intensities. svm: the papers' classes of unit and level.
     features
-        What the machine sees of a patch.
+        What the machine sees of a patch: gabor, hog, edges or motion, or several joined by +. By region if not given.
     warps
         Randomly warped copies of the training pictures that are added.
-    threshold
-        How much brighter than the skin around it paint is, in multiples of the patch's median. Found if not given.
     seed
         Of clusters and warps.
     as_json
         Print the answer as JSON.
     """
+    from blendcap.io import read_animation
     from blendcap.io.models import write_model
     from blendcap.io.turns import read_turns
     from blendcap.makeup.lesson import Lesson
     from blendcap.makeup.packing import KIND, VERSION, pack
     from blendcap.makeup.patches import collect
+    from blendcap.makeup.units import ARKIT_TABLE
 
     check_outputs([output], MODELS)
+    _check_takes(videos, take, turns, weights)
+    shapes, each = ARKIT_TABLE if table is None else _table(table), len(videos) // len(take)
     progress = Progress(quiet=as_json)
-    with progress.step("read", "Read the rig, the take and the turns"):
-        spans = read_turns(turns)
-        films, setup = _stage(videos, cameras, take, rig, correspondences, stable)
-    patches = collect(_blocks(films, setup, threshold, progress))
-    with progress.step("train", f"Train on {len(patches.sure):,} frames"):
-        lesson = Lesson.of_spans(spans, len(patches.sure), patches.rate)
-        classifier = blendcap.train_classifier(patches, lesson, method=method, kind=features, warps=warps, seed=seed)
+    patches, lessons = [], []
+    for k, one in enumerate(take):
+        with progress.step("read", f"Read {one}"):
+            spans = read_turns(turns[k])
+            solved = read_animation(weights[k]) if weights else None
+            films, setup = _stage(videos[k * each : (k + 1) * each], one, footage)
+        cut = collect(_blocks(films, setup, footage.threshold, progress))
+        patches.append(cut)
+        lessons.append(Lesson.of_spans(spans, len(cut.sure), cut.rate, solved))
+    frames = sum(len(cut.sure) for cut in patches)
+    with progress.step("train", f"Train on {frames:,} frames"):
+        classifier = blendcap.train_classifier(
+            patches, lessons, method=method, kind=features, table=shapes, warps=warps, seed=seed
+        )
     with progress.step("write", f"Write {output}"):
         write_model(output, KIND, VERSION, *pack(classifier))
     facts: dict[str, Any] = {
-        "frames": len(patches.sure),
+        "frames": frames,
         "units": list(classifier.units),
         "left_out": {model.region.name: dict(model.scores) for model in classifier.models},
         "seconds": progress.seconds,
@@ -108,19 +131,16 @@ def train(
 
 @facs.command
 def predict(
-    videos: Annotated[tuple[Path, ...], Parameter(negative=())],
+    videos: Many,
     /,
     *,
-    model: Path,
-    cameras: Path,
+    footage: Footage,
     take: Path,
-    rig: Path,
+    model: Path,
     output: Annotated[Path, Parameter(name=("--output", "-o"))],
-    correspondences: Path | None = None,
-    stable: Stable = (),
     table: Path | None = None,
     overlay: Path | None = None,
-    threshold: float | None = None,
+    picture: Path | None = None,
     everywhere: Annotated[bool, Parameter(negative="--shown-only")] = True,
     as_json: AsJson = False,
 ) -> None:
@@ -130,55 +150,41 @@ def predict(
     ----------
     videos
         The head cameras' videos, one a camera and in their order. They begin with the take, on a neutral face.
+    take
+        The markers of the same performance: .c3d, .trc or .csv.
     model
         A classifier from `facs train`.
-    cameras
-        A .json of the calibrated cameras, in the space of the take.
-    take
-        The markers of the same performance.
-    rig
-        A rig with the 68 landmarks, the one that will be solved.
     output
         The curves to write, for `solve --patches`: .csv or .npz.
-    correspondences
-        A .json that says where each marker sits; found if not given.
-    stable
-        A marker that does not move with the face, by name; repeat it for at least three. Found if not given.
     table
-        A .json from units to the rig's shapes: {"AU4": {"browLower_L": 1.0}}. ARKit's names if not given.
+        A .json from units to the rig's shapes: {"AU4L": {"browLower_L": 1.0}}. ARKit's names if not given.
     overlay
         A .mp4 of the cameras with the patches and the curves drawn on.
-    threshold
-        How much brighter than the skin around it paint is, in multiples of the patch's median. Found if not given.
+    picture
+        A .png of the frame that shows most, as the overlay has it: are the patches where they should be?
     everywhere
         Whether the curves also speak at rest, or only where a unit is shown, as in the papers.
     as_json
         Print the answer as JSON.
     """
-    from blendcap.io import read_animation, write_animation
+    from blendcap.io import write_animation
     from blendcap.io.models import read_model
     from blendcap.makeup.packing import KIND, VERSION, unpack
     from blendcap.makeup.units import ARKIT_TABLE
 
-    check_outputs([output], CURVES)
-    check_outputs([overlay], (".mp4",))
+    for path, endings in ((output, CURVES), (overlay, VIDEOS), (picture, PICTURES)):
+        check_outputs([path], endings)
     progress = Progress(quiet=as_json)
     with progress.step("read", "Read the model, the rig and the take"):
         classifier = unpack(*read_model(model, KIND, VERSION))
         shapes = ARKIT_TABLE if table is None else _table(table)
-        films, setup = _stage(videos, cameras, take, rig, correspondences, stable)
+        films, setup = _stage(videos, take, footage)
         setup = setup.only(classifier.neutral)
-    curves = blendcap.classify(
-        classifier, _blocks(films, setup, threshold, progress), table=shapes, everywhere=everywhere
-    )
+    blocks = _blocks(films, setup, footage.threshold, progress)
+    curves = blendcap.classify(classifier, blocks, table=shapes, everywhere=everywhere)
     with progress.step("write", f"Write {output}"):
         write_animation(output, curves)
-    if overlay is not None:
-        from blendcap.view.patches_film import write_patches_film
-
-        with progress.step("overlay", f"Write {overlay}", total=len(curves.weights)) as tell:
-            pictures = [film.frames(grey=True) for film in films]
-            write_patches_film(overlay, pictures, setup, read_animation(output), progress=tell)
+    _show(films, setup, curves, overlay, picture, progress)
     facts = {
         "frames": len(curves.weights),
         "rate": curves.rate,
@@ -189,21 +195,41 @@ def predict(
     (print_json if as_json else print_lines)(facts)
 
 
-def _stage(videos, cameras, take, rig, correspondences, stable) -> tuple[list[Video], Setup]:
+def _show(films: list[Video], setup: Setup, curves: Animation, overlay, picture, progress: Progress) -> None:
+    """The overlay and the picture, if they were asked for."""
+    from blendcap.view.patches_film import write_patches_film, write_patches_picture
+
+    if overlay is not None:
+        with progress.step("overlay", f"Write {overlay}", total=len(curves.weights)) as tell:
+            write_patches_film(overlay, [film.frames(grey=True) for film in films], setup, curves, progress=tell)
+    if picture is not None:
+        with progress.step("picture", f"Write {picture}"):
+            write_patches_picture(picture, [film.frames(grey=True) for film in films], setup, curves)
+
+
+def _check_takes(videos: Sequence[Path], takes: Sequence[Path], turns: Sequence[Path], weights: Sequence[Path]) -> None:
+    if len(turns) != len(takes) or len(weights) not in (0, len(takes)) or len(videos) % len(takes):
+        raise blendcap.InputError(
+            f"There are {len(takes)} takes, {len(turns)} turns, {len(weights)} weights and {len(videos)} videos; give "
+            "turns for each take, weights for each or none, and every take's videos, take by take."
+        )
+
+
+def _stage(videos: Sequence[Path], take: Path, footage: Footage) -> tuple[list[Video], Setup]:
     """The videos, checked against cameras and take, and where things are in them."""
     from blendcap.io import read_correspondences, read_markers, read_rig, read_video
     from blendcap.io.cameras import read_cameras
     from blendcap.makeup.setup import locate
     from blendcap.markers.stabilization import find_stable
 
-    known, the_rig, the_take = read_cameras(cameras), read_rig(rig), read_markers(take)
+    known, the_rig, the_take = read_cameras(footage.cameras), read_rig(footage.rig), read_markers(take)
     films = [read_video(video) for video in videos]
     _check_films(films, known, len(the_take.positions), the_take.rate)
-    places = None if correspondences is None else read_correspondences(correspondences)
+    places = None if footage.correspondences is None else read_correspondences(footage.correspondences)
     binding = blendcap.bind(the_rig, the_take, places)
     lenses, sizes = zip(*known.values(), strict=True)
     bound = the_take.select(binding.points.names)
-    setup = locate(the_rig, the_take, binding, lenses, sizes, stable or find_stable(bound))
+    setup = locate(the_rig, the_take, binding, lenses, sizes, footage.stable or find_stable(bound))
     return films, setup
 
 

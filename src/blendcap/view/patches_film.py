@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 
 import numpy as np
 
 from blendcap.data import Animation, InputError
 from blendcap.io import write_video
+from blendcap.io.images import write_image
 from blendcap.makeup.setup import Setup
 from blendcap.makeup.stabilization import Stabilizer
 from blendcap.view.image import draw_text
 
 COLORS = ((236, 112, 99), (247, 204, 86), (110, 193, 228), (130, 214, 140), (200, 150, 230), (240, 160, 90))
 GROUND, INK = np.array([24, 26, 30], dtype=np.uint8), (222, 224, 228)
-ROW = 16  # pixels a curve
+TILE = 480  # pixels across a camera's picture, whatever its own size
+ROW = 18  # pixels a curve
+NAME = 12  # pixels of text at a patch
 COLUMNS = 3  # of curves
 
 
@@ -25,7 +28,7 @@ def write_patches_film(
     setup: Setup,
     curves: Animation,
     *,
-    progress: Callable[[int], None] | None = None,
+    progress: Callable[[int], None] = lambda _: None,
 ) -> int:
     """Write a video: all cameras in two columns, the patches where they were cut, and a bar for each curve.
 
@@ -41,13 +44,25 @@ def write_patches_film(
     progress : callable, optional
         Told how many frames are done.
     """
-    frames = _pictures(videos, setup, curves, progress)
-    try:
-        first = next(frames)
-    except StopIteration:
-        raise InputError("The head-camera video has no frame; check the files.") from None
+    frames = _pictures(videos, setup, curves, range(len(curves.weights)), progress)
+    first = _first(frames)
     height, width = first.shape[:2]
     return write_video(path, _with_first(first, frames), curves.rate, (width, height))
+
+
+def write_patches_picture(
+    path: str | os.PathLike, videos: Sequence[Iterable[np.ndarray]], setup: Setup, curves: Animation
+) -> int:
+    """Write one frame of `write_patches_film` as a picture, the one whose curves are highest, and say which it is."""
+    frame = int(np.nan_to_num(curves.weights).sum(1).argmax())
+    write_image(path, _first(_pictures(videos, setup, curves, (frame,), lambda _: None)))
+    return frame
+
+
+def _first(frames: Iterator[np.ndarray]) -> np.ndarray:
+    for frame in frames:
+        return frame
+    raise InputError("The head-camera video has no frame; check the files.")
 
 
 def _with_first(first: np.ndarray, others: Iterator[np.ndarray]) -> Iterator[np.ndarray]:
@@ -55,38 +70,51 @@ def _with_first(first: np.ndarray, others: Iterator[np.ndarray]) -> Iterator[np.
     yield from others
 
 
-def _pictures(videos, setup: Setup, curves: Animation, progress) -> Iterator[np.ndarray]:
+def _pictures(videos, setup: Setup, curves: Animation, wanted: Collection[int], progress) -> Iterator[np.ndarray]:
+    """The wanted frames; the others are only followed."""
     stabilizers: list[Stabilizer | None] = [None] * len(videos)
     for t, frames in enumerate(zip(*videos, strict=False)):
-        if t == len(curves.weights):
+        if t > max(wanted):
             return
-        tiles = []
+        matrices = []
         for view, frame in enumerate(frames):
             if t == 0 and len(setup.anchors[view]) > 1:
                 stabilizers[view] = Stabilizer(frame, setup.anchors[view])
-            tiles.append(_tile(frame, view, setup, stabilizers[view]))
-        if len(tiles) % 2:
-            tiles.append(np.zeros_like(tiles[0]))
-        rows = [np.hstack(tiles[k : k + 2]) for k in range(0, len(tiles), 2)]
-        picture = np.vstack([*rows, _bars(curves, t, rows[0].shape[1])])
-        yield np.ascontiguousarray(picture[: picture.shape[0] // 2 * 2, : picture.shape[1] // 2 * 2])
-        if progress is not None:
-            progress(t + 1)
+            stabilizer = stabilizers[view]
+            matrices.append(np.eye(3)[:2] if stabilizer is None else stabilizer.follow(frame)[0])
+        if t in wanted:
+            yield _picture(frames, matrices, setup, curves, t)
+        progress(t + 1)
 
 
-def _tile(frame: np.ndarray, view: int, setup: Setup, stabilizer: Stabilizer | None) -> np.ndarray:
-    """A camera's picture with its patches, at half the size."""
+def _picture(frames: Sequence[np.ndarray], matrices: Sequence[np.ndarray], setup: Setup, curves: Animation, t: int):
+    """The cameras two by two, with even height and width as films need it."""
+    tiles = [_tile(frame, view, setup, matrices[view]) for view, frame in enumerate(frames)]
+    if len(tiles) % 2:
+        tiles.append(np.zeros_like(tiles[0]))
+    rows = [np.hstack(tiles[k : k + 2]) for k in range(0, len(tiles), 2)]
+    picture = np.vstack([*rows, _bars(curves, t, rows[0].shape[1])])
+    return np.ascontiguousarray(picture[: picture.shape[0] // 2 * 2, : picture.shape[1] // 2 * 2])
+
+
+def _tile(frame: np.ndarray, view: int, setup: Setup, matrix: np.ndarray) -> np.ndarray:
+    """A camera's picture, `TILE` pixels wide, with its patches and their names."""
     import cv2
 
-    picture = cv2.cvtColor(frame, cv2.COLOR_GRAY2RGB)
-    matrix = np.eye(3)[:2] if stabilizer is None else stabilizer.follow(frame)[0]
-    for k, (camera, corners) in enumerate(setup.places.values()):
+    scale = TILE / frame.shape[1]
+    way = cv2.INTER_AREA if scale < 1 else cv2.INTER_CUBIC
+    small = cv2.resize(frame, (TILE, round(frame.shape[0] * scale)), interpolation=way)
+    picture = cv2.cvtColor(small, cv2.COLOR_GRAY2RGB)
+    for k, (name, (camera, corners)) in enumerate(setup.places.items()):
         if camera == view:
-            moved = corners @ matrix[:, :2].T + matrix[:, 2]
-            cv2.polylines(
-                picture, [np.round(moved * 16).astype(np.int32)], True, COLORS[k % len(COLORS)], 2, cv2.LINE_AA, 4
+            color = COLORS[k % len(COLORS)]
+            moved = scale * (corners @ matrix[:, :2].T + matrix[:, 2])
+            cv2.polylines(picture, [np.round(moved * 16).astype(np.int32)], True, color, 1, cv2.LINE_AA, 4)
+            left, top = np.round(moved.min(0)).astype(int)
+            draw_text(
+                picture, name.replace("_", " "), (int(left) + 2, int(top) - 2), height=NAME, anchor="lb", color=color
             )
-    return cv2.resize(picture, (frame.shape[1] // 2, frame.shape[0] // 2), interpolation=cv2.INTER_AREA)
+    return picture
 
 
 def _bars(curves: Animation, t: int, width: int) -> np.ndarray:
