@@ -8,6 +8,8 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial import KDTree
 
 from blendcap import InputError, mannequin
+from blendcap.data import landmarks68
+from blendcap.data.anatomy import inside_vertices
 from blendcap.io.ict import read_ict_pack
 from blendcap.rendering import face_camera, prepare_rig
 from blendcap.synthetic.canvas import canvas_of
@@ -17,7 +19,7 @@ from blendcap.synthetic.mannequin.atlas import FLOOR
 from blendcap.synthetic.mannequin.look import LOOKS, Look, draw_look
 from blendcap.synthetic.mannequin.noise import noise, spots
 from blendcap.synthetic.mannequin.shared import shared
-from blendcap.synthetic.plain import plain_places
+from blendcap.synthetic.plain import _mended, plain_places
 
 SIZE = (160, 200)
 MARKED = Look(skin=(0.5, 0.5, 0.5), lips=(0.9, 0.0, 0.0), blush=0, shade=0, blotches=0, cut="bald")
@@ -200,3 +202,29 @@ def test_what_cannot_be_painted_is_refused(plain):
         paint_face(bare)
     with pytest.raises(InputError, match="has no points 'landmarks68'"):
         paint_face(replace(in_tiles(plain), points={}))
+
+
+def test_places_that_are_torn_are_filled_in_from_around():
+    row = np.arange(12)
+    i = (row[:-1, None] * 12 + row[:-1]).ravel()
+    faces = np.concatenate([np.stack([i, i + 1, i + 13], 1), np.stack([i, i + 13, i + 12], 1)])
+    points = np.stack([np.repeat(row, 12), np.tile(row, 12), np.zeros(144)], 1).astype(float)
+    plain = np.c_[points, points @ np.array([[0.1, 0, 0], [0, 0.2, 0], [0.3, 0.3, 0]]).T, points]
+    torn = plain.copy()
+    torn[[5 * 12 + 5, 5 * 12 + 6, 6 * 12 + 5]] += 20.0
+    np.testing.assert_allclose(_mended(torn, points, faces), plain, atol=1e-7)
+    np.testing.assert_array_equal(_mended(plain, points, faces), plain)
+
+
+def test_lids_of_another_face_have_no_patches(data):
+    rig = ict(data)
+    skin = np.flatnonzero(~inside_vertices(rig))
+    places = plain_places(rig, skin)[:, :3]
+    eyes = landmarks68(rig).positions(rig.mesh)[36:48].reshape(2, 6, 3).mean(1)
+    faces = rig.mesh.faces[np.isin(rig.mesh.faces, skin).all(1)]
+    near = np.min([np.linalg.norm(rig.mesh.vertices[faces].mean(1) - eye, axis=1) for eye in eyes], axis=0) < 18
+    row = np.full(len(rig.mesh.vertices), -1)
+    row[skin] = np.arange(len(skin))
+    there, here = places[row[faces[near]]], rig.mesh.vertices[faces[near]]
+    long, short = (np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2) for corners in (there, here))
+    assert (long - 3 * short).max() < 2.0  # it was 5.5 mm where a fold was torn

@@ -10,11 +10,14 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
+from scipy import sparse
+from scipy.sparse.linalg import spsolve
 from scipy.spatial import KDTree
 from scipy.spatial.distance import cdist
 
 from blendcap.data import Rig, landmarks68
 from blendcap.numerics.similarity import align, apply
+from blendcap.numerics.surfaces import edges_of
 from blendcap.rendering import vertex_normals
 from blendcap.synthetic.mannequin.landmarks import landmarks
 from blendcap.synthetic.mannequin.shared import shared
@@ -27,6 +30,8 @@ TURN = 18.0  # mm that a normal turned by a right angle counts
 NEAREST = 6
 KNOTS = np.r_[0:17, 18:21, 23:26, 27:68]  # landmarks but the ends of the brows, whose height nobody agrees on
 EAR_RIM = 4.0  # mm
+FAINT = 1e-9  # what a part that is torn all over holds on to itself
+TORN = 3.0  # times as far apart as they were, and 1 mm: neighbors that are torn from each other
 
 
 def plain_places(rig: Rig, vertices: np.ndarray) -> np.ndarray:
@@ -51,7 +56,28 @@ def plain_places(rig: Rig, vertices: np.ndarray) -> np.ndarray:
         stiffness = np.concatenate([np.full(len(source), STIFFNESS), np.full(len(some), LOOSENESS)])
         warped = _warped(skin, np.concatenate([source, skin[some]]), np.concatenate([target, onto]), stiffness)
     face, weights = _on_plain(warped, vertex_normals(warped, faces))
-    return np.einsum("kc,kcd->kd", weights, skin_table()[plain_mesh().faces[face]])
+    table = np.einsum("kc,kcd->kd", weights, skin_table()[plain_mesh().faces[face]])
+    return _mended(table, warped, faces)
+
+
+def _mended(table: np.ndarray, warped: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """The table (K, 9) where neighbors went to places far apart, as in the fold of a lid, filled in from around."""
+    edges, count = edges_of(faces)[0], len(table)
+    i, j = edges.T
+    length = np.linalg.norm(warped[i] - warped[j], axis=1)
+    torn = edges[np.linalg.norm(table[i, :3] - table[j, :3], axis=1) > TORN * length + 1.0]
+    links = sparse.csr_matrix((np.ones(edges.size), (np.r_[i, j], np.r_[j, i])), shape=(count, count))
+    lost = np.zeros(count, dtype=bool)
+    lost[torn] = True
+    lost |= links @ lost > 0  # and their neighbors: a fold is torn along both its sides
+    if not lost.any():
+        return table
+    smooth = (sparse.diags(np.asarray(links.sum(1)).ravel() + FAINT) - links).tocsr()[lost]
+    moved = table - np.pad(warped, ((0, 0), (0, table.shape[1] - 3)))  # a place is where its point was, and a step
+    filled = table.copy()
+    steps = spsolve(smooth[:, lost].tocsc(), FAINT * moved[lost] - smooth[:, ~lost] @ moved[~lost])
+    filled[lost] += steps - moved[lost]
+    return filled
 
 
 def _ears(skin: np.ndarray, landmarks: np.ndarray) -> np.ndarray:
