@@ -82,7 +82,8 @@ def test_curves_from_video_make_the_solve_better(stage, rig, capsys):
     shown = ["--overlay", film, "--picture", picture]
     assert main(["facs", "predict", *arguments(stage, "test"), "--model", model, "-o", curves, *shown]) == 0
     assert read_video(film).count == read_video(videos(stage, "test")[0]).count
-    assert Image.open(picture).width == 960
+    with Image.open(picture) as image:
+        assert image.width == 960
     told, truth = blendcap.read_animation(curves), blendcap.read_animation(stage / "test.truth.csv")
     both = truth.select(told.names)
     blink = told.names.index("eyeBlinkLeft")
