@@ -15,13 +15,14 @@ from blendcap.data import Camera, InputError
 from blendcap.io import read_video, write_video
 from blendcap.io.cameras import read_cameras, write_cameras
 from blendcap.io.turns import read_turns
-from blendcap.makeup.setup import locate
+from blendcap.makeup.setup import Setup, locate
 from blendcap.rendering.camera import look_at, project
 from blendcap.synthetic.exercises import action_units
 from blendcap.synthetic.head_camera import film_head, mount_head_camera
 from blendcap.synthetic.makeup import draw_makeup
 from blendcap.synthetic.performer import make_performer
 from blendcap.synthetic.takes import make_take
+from blendcap.view.patches_film import TILE, write_patches_picture
 
 RATE, SIZE = 15.0, (480, 360)
 UNITS = ("1+2", "45")
@@ -217,3 +218,18 @@ def test_video_of_another_length_is_refused(rig, bound, tmp_path, capsys):
     assert main(["facs", "train", *[str(tmp_path / "v.mp4")] * 2, *common, *twice]) == 1
     assert "There are 2 takes, 1 turns, 0 weights and 2 videos; give turns for each take" in capsys.readouterr().err
     assert not (tmp_path / "m.npz").exists()
+
+
+def test_small_films_are_drawn_large_and_the_picture_is_of_the_frame_that_shows_most(tmp_path):
+    corners = np.array([[10.0, 12.0], [40.0, 12.0], [40.0, 36.0], [10.0, 36.0]])
+    setup = Setup({"eye_right": (0, corners)}, [np.zeros((0, 2))] * 2, [np.zeros((3, 0, 2))] * 2)
+    curves = blendcap.Animation([[0.1, 0.0], [0.9, 0.5], [0.2, 0.0]], ("eyeBlinkLeft", "browInnerUp"), 30.0)
+    films = [[np.full((48, 64), 40 * t, dtype=np.uint8) for t in range(3)] for _ in range(2)]
+    assert write_patches_picture(tmp_path / "p.png", films, setup, curves) == 1
+    with Image.open(tmp_path / "p.png") as image:
+        picture = np.asarray(image).astype(int)
+    assert picture.shape[1] == 2 * TILE and (picture[300, 450] == 40).all()  # the second frame
+    drawn = np.ptp(picture[:360], axis=2) > 60
+    rows, columns = np.flatnonzero(drawn[:, 72:TILE].any(1)), np.flatnonzero(drawn.any(0))
+    scale = TILE / 64
+    assert abs(rows.max() - 36 * scale) < 3 and abs(columns.max() - 40 * scale) < 3  # the patch, at the films' scale

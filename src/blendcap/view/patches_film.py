@@ -12,7 +12,7 @@ from blendcap.io import write_video
 from blendcap.io.images import write_image
 from blendcap.makeup.setup import Setup
 from blendcap.makeup.stabilization import Stabilizer
-from blendcap.view.image import draw_text
+from blendcap.view.image import draw_text, text_width
 
 COLORS = ((236, 112, 99), (247, 204, 86), (110, 193, 228), (130, 214, 140), (200, 150, 230), (240, 160, 90))
 GROUND, INK = np.array([24, 26, 30], dtype=np.uint8), (222, 224, 228)
@@ -110,11 +110,17 @@ def _tile(frame: np.ndarray, view: int, setup: Setup, matrix: np.ndarray) -> np.
             color = COLORS[k % len(COLORS)]
             moved = scale * (corners @ matrix[:, :2].T + matrix[:, 2])
             cv2.polylines(picture, [np.round(moved * 16).astype(np.int32)], True, color, 1, cv2.LINE_AA, 4)
-            left, top = np.round(moved.min(0)).astype(int)
-            draw_text(
-                picture, name.replace("_", " "), (int(left) + 2, int(top) - 2), height=NAME, anchor="lb", color=color
-            )
+            left, top = (int(n) for n in np.round(moved.min(0)))
+            _name(picture, name.replace("_", " "), left, top, color)
     return picture
+
+
+def _name(picture: np.ndarray, text: str, left: int, top: int, color: tuple[int, int, int]) -> None:
+    """A name above a patch, on a dark plate: paint is as bright as letters."""
+    wide = text_width(text, NAME)
+    plate = picture[max(top - NAME - 4, 0) : max(top, 0), max(left, 0) : max(left + wide + 6, 0)]
+    plate[:] = plate // 4
+    draw_text(picture, text, (left + 3, top - 2), height=NAME, anchor="lb", color=color)
 
 
 def _bars(curves: Animation, t: int, width: int) -> np.ndarray:
