@@ -24,7 +24,7 @@ import blendcap
 from blendcap import Animation, Rig, SolveSettings
 from blendcap.data.anatomy import is_skin
 from blendcap.makeup.classifier import PatchClassifier
-from blendcap.makeup.curves import _answers, classify
+from blendcap.makeup.curves import _answers, _smoothed, classify
 from blendcap.makeup.training import is_clear, recognized, train_classifier
 from blendcap.makeup.units import PAPER_REGIONS
 from hybrid_data import PEOPLE, UNITS, Filmed, exercise, extremes, lessons, played, table_for, worn
@@ -33,6 +33,7 @@ from results import write_section
 READ = ("brows", "glabella", "lids", "lips")  # the regions that the patches are about
 CLOSED = 0.35  # of the gap between the lids at rest
 LATE = 2  # frames by which a blink may be told early or late and still be told
+SQUEEZED = 0.04  # AU6 for AU45 from which on a shut lid is 6+43: between the two on the tuning take of mannequin 5
 PARTS = ("solve", "units", "flaws")
 NEAR = 0.25  # an intensity that errs by less is right
 MARKERS = {"50": (50, True), "30": (30, True), "100": (100, True), "50, lids too": (50, False)}
@@ -140,7 +141,8 @@ def recognition(kind: str, trained: dict[str, PatchClassifier], folder: Path, ro
         for method, classifier in trained.items():
             for aligned in (None, True, False) if method == "intensity" else (True, False):
                 start = time.process_time()
-                told, _, _ = _answers(classifier, [test.patches], aligned)
+                told, _, rate = _answers(classifier, [test.patches], aligned)
+                told = _smoothed(told, classifier, rate)
                 speed = len(told) / (time.process_time() - start)
                 said = _as_classes(dict(zip(classifier.units, told.T, strict=True)))
                 over, cells = {None: "by region", True: "yes", False: "no"}[aligned], _recognized(said, amounts)
@@ -154,8 +156,9 @@ def _as_classes(told: dict[str, np.ndarray]) -> np.ndarray:
         return np.stack([told[unit] for unit in UNITS], axis=1)
     halves = {unit: np.mean([told[name] for name in told if name.rstrip("LR") == unit], axis=0)
               for unit in {name.rstrip("LR") for name in told}}  # fmt: skip
-    both = np.minimum(halves["AU6"], halves["AU45"])
-    joint = {"AU1+2": (halves["AU1"] + halves["AU2"]) / 2, "AU6+43": both, "AU45": halves["AU45"] - both}
+    squeezed = halves["AU6"] > SQUEEZED * halves["AU45"]
+    joint = {"AU1+2": (halves["AU1"] + halves["AU2"]) / 2}
+    joint |= {"AU6+43": np.where(squeezed, halves["AU45"], 0), "AU45": np.where(squeezed, 0, halves["AU45"])}
     joint |= {f"AU10+12+18+23{side}": (told[f"AU10{side}"] + told[f"AU12{side}"]) / 2 for side in "LR"}
     return np.stack([(halves | joint)[unit] for unit in UNITS], axis=1)
 

@@ -100,15 +100,25 @@ def test_curves_are_smooth_bounded_and_say_how_sure_they_are(trained):
     assert quiet.confidence[0].max() < 0.05 < curves.confidence[0].max()
 
 
-def test_curves_of_slow_film_are_smoothed_over_five_frames(trained):
+@pytest.mark.parametrize(("rate", "frames"), [(10.0, 5), (24.0, 9), (60.0, 21)])
+def test_curves_are_smoothed_over_seconds_but_five_frames_at_least(trained, rate, frames):
     patches, _, _ = perform(repetitions=1, seed=7)
-    slow = replace(patches, rate=24.0)
     raw, _ = trained(patches)
-    told = classify(trained, slow, table=TABLE, aligned=False)
-    blink = np.clip(savgol_filter(raw[:, 2], 2 * (round(WINDOWS[trained.method] * 24) // 2) + 1, 2), 0, 1)
-    if trained.method == "intensity":
-        blink = np.clip(savgol_filter(raw[:, 2], 5, 2), 0, 1)
-    np.testing.assert_allclose(told.weights[:, 2], blink, atol=1e-6)
+    told = classify(trained, replace(patches, rate=rate), table=TABLE, aligned=False)
+    frames = frames if trained.method == "intensity" else max(5, 2 * (round(WINDOWS["svm"] * rate) // 2) + 1)
+    smoothed = np.clip(savgol_filter(raw[:, 2], frames, 2), 0, 1)
+    np.testing.assert_allclose(told.weights[:, 2], smoothed, atol=1e-6)
+
+
+def test_lids_are_smoothed_less_than_brows(trained):
+    patches, _, _ = perform(repetitions=1, seed=7)
+    units = ("AU45L", "AU4", "AU9")
+    model = replace(trained.models[0], region=trained.models[0].region._replace(units=units))
+    raw, _ = trained(patches)
+    table = {"AU45L": {"lid": 1.0}, "AU4": {"brow": 1.0}, "AU9": {"nose": 1.0}}
+    told = classify(replace(trained, models=[model]), replace(patches, rate=30.0), table=table, aligned=False)
+    frames = 7 if trained.method == "intensity" else 13
+    np.testing.assert_allclose(told.weights[:, 0], np.clip(savgol_filter(raw[:, 0], frames, 2), 0, 1), atol=1e-6)
 
 
 def test_no_patches_are_refused(trained):

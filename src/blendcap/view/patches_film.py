@@ -134,7 +134,7 @@ def _bars(curves: Animation, t: int, width: int) -> np.ndarray:
         long = column - 24
         trust = 1.0 if curves.confidence is None else float(np.nan_to_num(curves.confidence[t, k]))
         value = float(np.nan_to_num(curves.weights[t, k]))
-        color = GROUND + (0.25 + 0.75 * trust) * (np.array(COLORS[k % len(COLORS)]) - GROUND)
+        color = GROUND + (0.2 + 0.5 * trust) * (np.array(COLORS[k % len(COLORS)]) - GROUND)
         strip[top : top + ROW, left : left + long] = GROUND + 14
         strip[top : top + ROW, left : left + round(long * value)] = color.astype(np.uint8)
         draw_text(strip, name, (left + 4, top + ROW // 2), height=ROW - 5, anchor="lm", color=INK)
