@@ -59,6 +59,18 @@ def test_opposites_are_one_unknown_with_a_sign():
     assert not held_shapes(rows_of(columns), 0.6, kin(opposite=np.array([2, 3, 0, 1, 4, 5]))).any()
 
 
+def test_where_no_lid_is_seen_no_gaze_is():
+    """What little moves must not turn the eyes because they happen to move more markers than the lids."""
+    columns = apart()
+    columns[0:4] *= 0.2
+    opposite = np.array([2, 3, 0, 1, 4, 5])  # lids down and up
+    family = kin(opposite, lids=(0, 1, 2, 3), eyeballs=(4, 5))
+    assert held_shapes(rows_of(columns), 0.3, kin(opposite)).tolist() == [True] * 4 + [False] * 2
+    assert held_shapes(rows_of(columns), 0.3, family).all()
+    columns[0:2] *= 5  # one of the two is enough
+    assert not held_shapes(rows_of(columns), 0.3, family)[[0, 1, 4, 5]].any()
+
+
 def test_a_shape_without_markers_follows_its_partner_or_rests():
     columns = apart()
     columns[1] = 0.0

@@ -61,7 +61,8 @@ def held_shapes(rows: MarkerRows, noise: float, kinship: Kinship, told: np.ndarr
     A shape counts as seen if the markers, with all other shapes free to explain them too, know its weight better than
     UNSEEN, or that of its partner on the other side, which it then follows. The worst is held at rest with its
     partner, and the rest judged anew, until all that is left is seen. Where lids and gaze explain the same motion of a
-    lid, the gaze is held: markers sit on lids and not on eyeballs.
+    lid, the gaze is held, and so it is where markers tell neither a lid that goes down nor one that goes up: markers sit
+    on lids and not on eyeballs.
 
     Parameters
     ----------
@@ -76,6 +77,9 @@ def held_shapes(rows: MarkerRows, noise: float, kinship: Kinship, told: np.ndarr
     precision = np.broadcast_to(told, mirror.shape)
     alone = weight_errors(rows, noise, precision)
     free = np.minimum(alone, alone[mirror]) < UNSEEN
+    swings = kinship.lids & (kinship.opposite != np.arange(len(mirror)))
+    if swings.any() and not (free | free[kinship.opposite])[swings].any():
+        free &= ~kinship.eyeballs
     while free.any():
         errors = joint_errors(rows, noise, kinship, precision, free)
         errors = np.where(free, np.minimum(errors, errors[mirror]), 0.0)
