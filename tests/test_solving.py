@@ -14,8 +14,8 @@ from blendcap.solving.paper import solve_paper
 from blendcap.solving.prior import (
     DEVIATION_FLOOR,
     PSEUDO_FRAMES,
-    QUICK,
     REACH,
+    SPAN,
     STEP_FLOOR,
     TakePrior,
     learn_prior,
@@ -254,6 +254,18 @@ def test_a_weight_at_rest_leaves_nothing_open():
     assert learned.steps[2] == pytest.approx(STEP_FLOOR**2)
 
 
+def test_a_quick_shape_on_its_way_has_small_steps():
+    rows, _ = random_rows(gaps=0.0)
+    start = symmetric_prior(MIRROR, 0.0, rate=60)
+    ramp = np.tile(np.linspace(0.1, 0.9, 60)[:, None], (1, SHAPES))
+    precision = 0.01 * np.eye(SHAPES + 2)
+    args = (start, ramp, rows.gram, start, precision, 0.3, 60)
+    plain, learned = learn_prior(*args)[0].steps, learn_prior(*args, np.arange(SHAPES) == 4)[0].steps
+    own = np.diff(ramp[:, 4]) - trend(ramp, np.ones(SHAPES, bool))[1:, 4]
+    assert plain[4] - learned[4] == pytest.approx((np.diff(ramp[:, 4]) ** 2).mean() - (own**2).mean())
+    assert np.array_equal(plain[:4], learned[:4])
+
+
 def test_a_held_shape_hardly_moves():
     prior = symmetric_prior(MIRROR, 0.9, rate=60)
     held = prior.holding(np.array([0, 0, 1, 0, 0], bool))
@@ -309,21 +321,23 @@ def test_a_quick_shape_on_its_way_goes_on():
     assert np.allclose(foretold[4:-3, 4], 0.05) and not foretold[:, :4].any() and foretold[0, 4] == 0
     factors, still = (step_weights(w, prior, MIRROR, quick) for w in (ramp, 0 * ramp))
     assert np.allclose(factors[5:-5, 4], still[5:-5, 4]) and (factors[5:-5, 0] < 0.5 * still[5:-5, 0]).all()
-    assert np.allclose(still[1:, 4], QUICK * still[1:, 0])
+    assert np.allclose(still[1:, 4], still[1:, 0])
 
 
 # The learned solve
 
 
 def test_one_pass_is_one_least_squares():
-    """A quick shape is free to move from the first pass on: what that flattens no later pass finds again."""
+    """A quick shape is spread over few frames from the first pass on: what that flattens no later pass finds again."""
     rows, _ = random_rows()
     quick = np.arange(SHAPES) == 4
     answer = solve_learned(rows, MIRROR, 30.0, 0.4, symmetry=0.9, smoothness=0.7, passes=1, quick=quick)
     prior = symmetric_prior(MIRROR, 0.9, 30.0)
     quadratic = HELMET_RIDGE * np.eye(SHAPES + 2)
     quadratic[:SHAPES, :SHAPES] = 0.16 * np.linalg.inv(prior.covariance)
-    coupling = 0.16 * np.r_[np.where(quick, 0.7 * QUICK, 0.7) / prior.steps, np.full(2, 1 / (2 * HELMET_STEP**2))]
+    coupling = 0.16 * np.r_[0.7 / prior.steps, np.full(2, 1 / (2 * HELMET_STEP**2))]
+    assert coupling[4] > 3 * SPAN * rows.mean_gram[4, 4]  # probable, but more than the frame itself tells
+    coupling[4] = 0.7 * SPAN * rows.mean_gram[4, 4]
     expected = least_squares(rows, quadratic, coupling=coupling)
     assert np.abs(answer.unknowns - expected).max() < 1e-6
     assert np.array_equal(answer.energies["markers"], np.nansum(rows.errors(answer.unknowns) ** 2, axis=1))
@@ -364,7 +378,7 @@ def test_energies_are_the_objective():
         rng.random((FRAMES, SHAPES)) < 0.3, np.linspace(0.2, 1, MARKERS),
     )  # fmt: skip
     curves = Curves(*rng.random((2, FRAMES, SHAPES)))
-    terms = _terms(rows, belief, 30.0, 0.7, curves, np.full(SHAPES, 0.2))
+    terms = _terms(rows, belief, 30.0, 0.7, np.arange(SHAPES) == 4, curves, np.full(SHAPES, 0.2))
     diagonal, pull = terms.diagonal_and_pull()
     assert diagonal[:, :SHAPES][belief.resting].min() > 100 and not diagonal[:, SHAPES:].any()
 

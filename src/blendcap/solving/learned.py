@@ -15,7 +15,7 @@ from blendcap.solving.prior import (
     HELMET_RIDGE,
     HELMET_STEP,
     HOLD,
-    QUICK,
+    SPAN,
     START_DEVIATION,
     TakePrior,
     learn_prior,
@@ -105,8 +105,8 @@ def solve_learned(
     symmetry, smoothness, passes
         As in SolveSettings.
     quick : (N,) bool, optional
-        Shapes that move within a few frames, as eyelids do: their steps are charged less from the first pass on, and
-        their poses are believed to reach farther than they do on average.
+        Shapes that move within a few frames, as eyelids do: neighbouring frames are never worth much more than the
+        frame itself, and their poses are believed to reach farther than they do on average.
     kinship : Kinship, optional
         Which shapes exclude each other and which are lids and eyeballs; partners alone if not given.
     curves : Curves, optional
@@ -121,20 +121,20 @@ def solve_learned(
     start = symmetric_prior(mirror, symmetry, rate)
     kinship = Kinship.of_pairs(mirror) if kinship is None else kinship
     quick = np.zeros(len(mirror), dtype=bool) if quick is None else quick
-    belief = _Belief.first(start, max(noise, START_NOISE), quick, len(rows.rows))
+    belief = _Belief.first(start, max(noise, START_NOISE), len(rows.rows))
     told_error = np.full(len(mirror), curve_error)
     if curves is not None:
         progress("the markers alone")
-        curves, told_error = _calibrated(rows, belief, rate, smoothness, curves, curve_error)
+        curves, told_error = _calibrated(rows, belief, rate, smoothness, quick, curves, curve_error)
     progress(f"pass 1 of {passes}")
-    terms = _terms(rows, belief, rate, smoothness, curves, told_error)
+    terms = _terms(rows, belief, rate, smoothness, quick, curves, told_error)
     unknowns, certificate = terms.solved()
     for k in range(1, passes):
         belief = _learned(rows, terms, unknowns, belief, start, noise, rate, quick, kinship)
         if relinearize is not None and k == passes - 1:
             rows = rows.with_targets(relinearize(unknowns))
         progress(f"pass {k + 1} of {passes}")
-        terms = _terms(rows, belief, rate, smoothness, curves, told_error)
+        terms = _terms(rows, belief, rate, smoothness, quick, curves, told_error)
         unknowns, certificate = terms.solved(unknowns)
     energies = terms.energies(unknowns)
     return Answer(rows, unknowns, energies, certificate, belief.noise, belief.held, belief.trusted)
@@ -166,9 +166,9 @@ class _Belief:
     trusted: np.ndarray
 
     @staticmethod
-    def first(prior: TakePrior, noise: float, quick: np.ndarray, markers: int) -> _Belief:
-        none = np.zeros((1, len(quick)), dtype=bool)
-        return _Belief(prior, noise, np.where(quick, QUICK, ~none), 0.0 * none, none[0], none, np.ones(markers))
+    def first(prior: TakePrior, noise: float, markers: int) -> _Belief:
+        none = np.zeros((1, len(prior.steps)), dtype=bool)
+        return _Belief(prior, noise, 1.0 - none, 0.0 * none, none[0], none, np.ones(markers))
 
 
 @dataclass(frozen=True, eq=False)
@@ -230,13 +230,15 @@ class _Terms:
 
 
 def _terms(
-    rows: MarkerRows, belief: _Belief, rate: float, smoothness: float, curves: Curves | None, told_error: np.ndarray
-) -> _Terms:
+    rows: MarkerRows, belief: _Belief, rate: float, smoothness: float, quick: np.ndarray, curves: Curves | None,
+    told_error: np.ndarray,
+) -> _Terms:  # fmt: skip
+    weighed = rows.weighed(belief.trusted)
     return _Terms(
-        rows.weighed(belief.trusted),
+        weighed,
         _precision(belief.prior, belief.noise, len(rows.lower)),
         belief.resting * (belief.noise / (HOLD * START_DEVIATION)) ** 2,
-        _coupling(rows, belief.prior, belief.noise, rate, smoothness * belief.factors),
+        _coupling(weighed, belief.prior, belief.noise, rate, smoothness * belief.factors, quick),
         belief.foretold,
         curves,
         told_error,
@@ -252,7 +254,7 @@ def _learned(
     weights, weighed = unknowns[:, : rows.shapes], terms.rows
     diagonal, _ = terms.diagonal_and_pull()
     known = terms.precision if diagonal is None else terms.precision + np.diag(diagonal.mean(0))
-    prior, covariance = learn_prior(start, weights, weighed.mean_gram, belief.prior, known, belief.noise, rate)
+    prior, covariance = learn_prior(start, weights, weighed.mean_gram, belief.prior, known, belief.noise, rate, quick)
     leverage = np.einsum("mki,ij,mkj->m", weighed.rows, covariance / belief.noise**2, weighed.rows)
     trusted = trust(marker_errors(rows, unknowns, leverage))
     noise = max(least, overall(rows, unknowns, leverage, trusted))
@@ -269,18 +271,22 @@ def _pull_along(coupling: np.ndarray, foretold: np.ndarray) -> np.ndarray:
     return np.vstack([push[1:], np.zeros_like(push[:1])]) - push
 
 
-def _coupling(rows: MarkerRows, prior: TakePrior, noise: float, rate: float, factors) -> np.ndarray:
-    """(T, N + K) coupling of neighbouring frames, mm²; `factors` (T, N) are those on the shapes'."""
+def _coupling(rows: MarkerRows, prior: TakePrior, noise: float, rate: float, factors, quick: np.ndarray) -> np.ndarray:
+    """(T, N + K) coupling of neighbouring frames, mm²; `factors` (T, N) are those on the shapes'.
+
+    Where the markers hardly see a quick shape, the most probable coupling would spread its blinks over many frames.
+    """
     coupling = np.full((len(rows.targets), len(rows.lower)), noise**2 / (HELMET_STEP**2 * 60 / rate))
-    coupling[:, : rows.shapes] = factors * noise**2 / prior.steps
+    probable, seen = noise**2 / prior.steps, np.diag(rows.mean_gram)[: rows.shapes]
+    coupling[:, : rows.shapes] = factors * np.where(quick, np.minimum(probable, SPAN * seen), probable)
     return coupling
 
 
 def _calibrated(
-    rows: MarkerRows, belief: _Belief, rate: float, smoothness: float, curves: Curves, least: float
+    rows: MarkerRows, belief: _Belief, rate: float, smoothness: float, quick: np.ndarray, curves: Curves, least: float
 ) -> tuple[Curves, np.ndarray]:
     """The curves on the markers' scale and their errors (N,), told by a solve that does not know them."""
-    terms = _terms(rows, belief, rate, smoothness, None, np.full(rows.shapes, least))
+    terms = _terms(rows, belief, rate, smoothness, quick, None, np.full(rows.shapes, least))
     alone, _ = terms.solved()
     noise = belief.noise
     variance = posterior(rows.mean_gram, terms.precision, belief.prior.steps, noise**2)[0].diagonal()[: rows.shapes]

@@ -22,8 +22,8 @@ HOLD = 0.03  # factor on the standard deviation of a shape that is held at rest
 FREEDOM = 0.25  # degrees of freedom of Student's t: the smaller, the more a large step is an event
 STUDENT_SCALE = 0.5  # of the variance of the steps
 EVENT_FRAMES = 3
-QUICK = 0.1  # factor on the coupling of shapes that move within a few frames
-REACH = 1.25  # factor on the standard deviation of the same: it tells how long eyes are shut, not how far they close
+REACH = 1.25  # factor on the deviation of shapes that blink: it tells how long eyes are shut, not how far they close
+SPAN = 2.0  # a shape that blinks is coupled to its neighbours by at most so many times what its own frame tells of it
 TREND = (1, 4, 6, 4, 1)  # weights of the neighbouring steps that foretell a step of theirs
 DECISION_FRAMES = 5  # over which it is decided which of two shapes rests
 FREQUENCIES = 16  # at which the posterior covariance is sampled
@@ -78,7 +78,7 @@ def symmetric_prior(mirror: np.ndarray, symmetry: float, rate: float) -> TakePri
 
 def learn_prior(
     start: TakePrior, weights: np.ndarray, gram: np.ndarray, current: TakePrior, precision: np.ndarray,
-    noise: float, rate: float,
+    noise: float, rate: float, quick: np.ndarray | None = None,
 ) -> tuple[TakePrior, np.ndarray]:  # fmt: skip
     """The prior re-estimated from an answer, and the mean posterior covariance (N + K, N + K) of its unknowns.
 
@@ -97,6 +97,8 @@ def learn_prior(
         mm.
     rate : float
         Frames a second.
+    quick : (N,) bool, optional
+        Shapes that move within a few frames: of their steps counts what differs from the `trend`.
     """
     frames, count = weights.shape
     open_all, open_step = posterior(gram, precision, current.steps, noise**2)
@@ -106,7 +108,8 @@ def learn_prior(
     moment = weights.T @ weights / frames + np.sqrt(free)[:, None] * open_pose * np.sqrt(free)
     covariance = (frames * moment + PSEUDO_FRAMES * start.covariance) / (frames + PSEUDO_FRAMES)
     covariance[np.diag_indices(count)] += DEVIATION_FLOOR**2
-    steps = (np.diff(weights, axis=0) ** 2).mean(0) + free * open_step if frames > 1 else current.steps
+    surprise = np.diff(weights, axis=0) - trend(weights, np.zeros(count, bool) if quick is None else quick)[1:]
+    steps = (surprise**2).mean(0) + free * open_step if frames > 1 else current.steps
     return TakePrior(covariance, steps + STEP_FLOOR**2 * 60 / rate), open_all
 
 
@@ -130,7 +133,6 @@ def step_weights(weights: np.ndarray, prior: TakePrior, mirror: np.ndarray, quic
     scaled = surprise**2 / (STUDENT_SCALE * prior.steps)
     scaled = uniform_filter1d((scaled + scaled[:, mirror]) / 2, EVENT_FRAMES, axis=0)
     factors[1:] = (FREEDOM + 1) / (FREEDOM + scaled)
-    factors[:, quick] *= QUICK
     return factors
 
 

@@ -61,8 +61,8 @@ def held_shapes(rows: MarkerRows, noise: float, kinship: Kinship, told: np.ndarr
     A shape counts as seen if the markers, with all other shapes free to explain them too, know its weight better than
     UNSEEN, or that of its partner on the other side, which it then follows. The worst is held at rest with its
     partner, and the rest judged anew, until all that is left is seen. Where lids and gaze explain the same motion of a
-    lid, the gaze is held, and so it is where markers tell neither a lid that goes down nor one that goes up: markers sit
-    on lids and not on eyeballs.
+    lid, the gaze is held, and so it is where markers tell neither a lid that goes down nor one that goes up: markers
+    sit on lids and not on eyeballs.
 
     Parameters
     ----------
