@@ -71,7 +71,7 @@ def rig_facts(built: BuiltRig, template: Rig) -> dict[str, Any]:
     known = distance[np.isfinite(distance)]
     facts: dict[str, Any] = {
         "median_mm": float(np.median(known)), "p95_mm": float(np.percentile(known, 95)),
-        "share_on_scan": len(known) / len(distance),
+        "share_of_skin_on_scan": built.registration.levels[-1].matched,
         "flipped": len(built.registration.flipped), "flipped_in": _places_of_folds(built),
         "size_to_template": float(built.registration.alignment[2]),
     }  # fmt: skip
@@ -111,7 +111,7 @@ def _summary(facts: Mapping[str, Any]) -> str:
     cards = [
         ("from the scan, median", f"{facts['median_mm']:.2f} mm", "good" if facts["median_mm"] < 0.6 else "bad"),
         ("95 % are closer than", f"{facts['p95_mm']:.2f} mm", ""),
-        ("of the vertices have a place on the scan", f"{facts['share_on_scan']:.0%}", ""),
+        ("of the skin has a place on the scan", f"{facts['share_of_skin_on_scan']:.0%}", ""),
         ("triangles are folded over", f"{facts['flipped']}", "bad" if facts["flipped"] else "good"),
         ("times the template's size", f"{facts['size_to_template']:.3f}", ""),
     ]
