@@ -146,7 +146,7 @@ def _facts(built: BuiltRig, base: Rig, unit_mm: float) -> dict[str, Any]:
     return {
         "vertices": len(built.rig.mesh.vertices), "shapes": len(built.rig.names), "unit_mm": unit_mm,
         "concerns": doubts(built, found), **found, "solver": built.registration.backend,
-        "converged": all(level.converged for level in built.registration.levels),
+        "last_step_mm": built.registration.levels[-1].change,
     }  # fmt: skip
 
 

@@ -19,7 +19,7 @@ from blendcap.numerics.leastsq import Backend
 from blendcap.numerics.surfaces import edges_of, turned_over, vertex_normals
 
 TOUCHING = 100.0  # stiffness between places that touch, in that of an edge of median length
-PATIENCE = 12  # steps of a level after which a match that is lost does not come back: in ears they come and go for ever
+PATIENCE = 8  # steps of a level after which a match that is lost does not come back: in ears they come and go for ever
 UNFOLD = 4  # times, at most, that matches are dropped because they fold the skin
 FIRMER = 10.0  # stiffness of folded skin each time, of what it was before
 FEW = 0.05  # share of the visible template that must find a match

@@ -27,7 +27,8 @@ class Schedule:
     tolerance : float
         A level ends when vertices move less than this in a step (root mean square), as a share of the template's size.
     steps : int
-        The most steps of a level; nearly all end after fewer than 15.
+        The most steps of a level. Where a scan ends, matches beyond its border are not believed, and a stiff template
+        that goes on for long slides over it.
     cosine : float
         The least cosine between the normals of a vertex and of its match.
     reach : float
@@ -44,7 +45,7 @@ class Schedule:
     even: bool = True
     memory: int = 5
     tolerance: float = 5e-5
-    steps: int = 60
+    steps: int = 12
     cosine: float = 0.5
     reach: float = 0.05
     triangles: bool = True

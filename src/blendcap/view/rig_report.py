@@ -20,6 +20,7 @@ from blendcap.view.heatmap import heatmap
 from blendcap.view.image import draw_text
 from blendcap.view.posing import framed_vertices
 
+MOVES = 0.1  # mm a step, RMS: less is of no account
 FEW = 0.5  # of the skin: a scan that shows less is a piece
 SIDES = (0.0, 0.7, 1.5708)  # yaw, rad
 CELL = (380, 460)
@@ -140,7 +141,7 @@ def doubts(built: BuiltRig, facts: Mapping[str, Any]) -> list[str]:
             "lacks parts that the other has, which are extrapolated; cut the template, or scan more of the head."
         )
     for number, level in enumerate(found.levels):
-        if not level.converged:
+        if not level.converged and level.change > MOVES:
             weighs = "only a start for the levels after it" if number < len(found.levels) - 1 else "the answer"
             lines.append(
                 f"At stiffness {level.stiffness:g}, which is {weighs}, the template still moved by {level.change:.2f} "
