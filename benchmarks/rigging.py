@@ -1,6 +1,6 @@
 """How well rigs are made: transfer with contact kept against plain transfer, and examples against transfer alone.
 
-    python benchmarks/rigging.py [transfer|examples|speed]
+    python benchmarks/rigging.py [transfer|examples|examples140|speed]
 
 Choices were made on the identities 1 to 6 (transfer) and 11 to 13 (examples); ten others report.
 """
@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import resource
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -27,6 +28,9 @@ from results import write_section
 PEOPLE = range(21, 31)
 CLOSED = {"lids_left": ("eyeBlink_L",), "lids_right": ("eyeBlink_R",), "lips_jaw_open": ("jawOpen", "mouthClose")}
 WEIGHT_NOISE, ROUGH, SMOOTH, REACH = 0.07, 0.05, 0.2, 40.0  # of the weights; mm, mm, mm
+ALONE, PAPER = "transfer alone", "Eq. 27 to 29, weights given"
+FIELDS, UNKNOWN = "**fields, weights given**", "fields, weights unknown"
+WAYS = (ALONE, PAPER, FIELDS, UNKNOWN)
 
 
 def ict_skin(seed: int | None = None) -> Rig:
@@ -122,7 +126,28 @@ def report_examples(shapes: int = 52) -> None:
     write_section("Examples that refine a rig", "python benchmarks/rigging.py examples", "\n\n".join([note, *tables]))
 
 
-def table_of_examples(template: Rig, shapes: int, strength: float) -> str:
+def report_all_shapes() -> None:
+    """The whole rig: every shape is on in one example at least."""
+    template = mannequin()
+    shapes = len(template.names)
+    tables = [table_of_examples(template, shapes, strength, 8, (ALONE, FIELDS)) for strength in (1.0, 0.0)]
+    note = (
+        f"As above, with all {shapes} shapes and 20 examples of eight (both sides) each, so that each shape is on in "
+        "one of them at least."
+    )
+    write_section("Examples that refine all shapes", "python benchmarks/rigging.py examples140",
+                  "\n\n".join([note, *tables]))  # fmt: skip
+
+
+def refined_by(way: str, start: Rig, examples: list[Mesh], given: np.ndarray) -> Rig:
+    if way == ALONE:
+        return start
+    if way == UNKNOWN:
+        return refine(start, examples).rig
+    return refine(start, examples, given, method="fields" if way == FIELDS else "paper").rig
+
+
+def table_of_examples(template: Rig, shapes: int, strength: float, each: int = 3, ways: Sequence[str] = WAYS) -> str:
     lines = [f"Strength {strength:g}:", "", "| identity | | unseen, asked weights | unseen, best weights | shapes |",
              "|---|---|---|---|---|"]  # fmt: skip
     ratios: dict[str, list[np.ndarray]] = {}
@@ -130,20 +155,15 @@ def table_of_examples(template: Rig, shapes: int, strength: float) -> str:
         rng = np.random.default_rng(seed)
         person = make_performer(mannequin(seed, shapes=shapes), seed=seed, strength=strength)
         start = transfer(template, person.rig.mesh).rig
-        asked, unseen = poses(start, rng, 20, 3), poses(start, rng, 30, 4) * rng.uniform(0.4, 1, (30, 1))
+        asked, unseen = poses(start, rng, 20, each), poses(start, rng, 30, 4) * rng.uniform(0.4, 1, (30, 1))
         scans = person.pose(asked) + smooth_errors(start.mesh.vertices, rng, 20)
         scans += ROUGH * rng.normal(size=scans.shape)
         examples = [start.mesh.with_vertices(scan) for scan in scans]
         given = np.clip(asked + WEIGHT_NOISE * rng.normal(size=asked.shape) * (asked > 0), 0, 1)
         skin = np.setdiff1d(start.moving_vertices(1.0), np.flatnonzero(inside_vertices(start)))
-        answers = {
-            "transfer alone": start,
-            "Eq. 27 to 29, weights given": refine(start, examples, given, method="paper").rig,
-            "**fields, weights given**": refine(start, examples, given).rig,
-            "fields, weights unknown": refine(start, examples).rig,
-        }
         truth, base = person.pose(unseen), np.zeros(3)
-        for name, rig in answers.items():
+        for name in ways:
+            rig = refined_by(name, start, examples, given)
             errors = np.array(judge(rig, person.rig, unseen, truth, skin))
             base = errors if rig is start else base
             ratios.setdefault(name, []).append(errors / base)
@@ -184,9 +204,11 @@ def report_speed() -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("kind", nargs="?", choices=("transfer", "examples", "speed"))
+    parser.add_argument("kind", nargs="?", choices=("transfer", "examples", "examples140", "speed"))
     kind = parser.parse_args().kind
-    for name, report in (("transfer", report_transfer), ("examples", report_examples), ("speed", report_speed)):
+    reports = {"transfer": report_transfer, "examples": report_examples, "examples140": report_all_shapes,
+               "speed": report_speed}  # fmt: skip
+    for name, report in reports.items():
         if kind in (None, name):
             report()
 
