@@ -1,10 +1,12 @@
 """Looking at rigs and animations: pictures, films, and the film of the performance beside."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from PIL import Image
 
-from blendcap import Animation, read_video, write_animation, write_rig
+from blendcap import Animation, Rig, read_video, write_animation, write_rig
 from blendcap.cli import main
 from blendcap.io import write_video
 from blendcap.view.beside_film import pictures_at
@@ -40,6 +42,14 @@ def test_a_rig_by_itself_is_its_contact_sheet(capsys):
     assert main(["view", "face.npz"]) == 0
     assert capsys.readouterr().out.endswith("Open face.png.\n")
     np.testing.assert_array_equal(pixels("face.png"), contact_sheet(sheet_rig()))
+
+
+def test_a_shape_is_shown_with_those_that_it_needs():
+    rig = sheet_rig()
+    deltas = np.concatenate([rig.deltas[:2], rig.deltas[:1]])
+    alone = Rig(rig.mesh, deltas, ("jawOpen", "browInnerUp", "mouthClose"))
+    told = replace(alone, combinations={"mouthClose": ("jawOpen",)})
+    np.testing.assert_array_equal(contact_sheet(alone, cell=60), contact_sheet(told, cell=60))
 
 
 @pytest.mark.parametrize(("asked", "shown"), [(["--frame", "0"], 0.0), ([], 0.5)])

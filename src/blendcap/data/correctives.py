@@ -1,9 +1,11 @@
-"""Weights of correctives from the shapes that drive them."""
+"""Shapes that belong to other shapes: correctives, which follow their drivers, and shapes that need another."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from blendcap.data.facs import NEEDS
+from blendcap.data.names import canonical
 from blendcap.data.rig import Rig
 
 
@@ -18,3 +20,11 @@ def driven(rig: Rig, weights: np.ndarray) -> np.ndarray:
         if len(drivers) > 1:
             result[..., rig.index(corrective)] = np.prod([result[..., rig.index(name)] for name in drivers], axis=0)
     return result
+
+
+def needs(rig: Rig, name: str) -> tuple[str, ...]:
+    """The shapes without which a shape makes no sense, from the rig or, if it says nothing, from ARKit's rule."""
+    if name in rig.combinations:
+        return tuple(rig.combinations[name])
+    wanted = NEEDS.get(canonical(name), ())
+    return tuple(n for n in rig.names if canonical(n) in wanted)

@@ -9,9 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from blendcap.data import Animation, InputError, Rig
+from blendcap.data.correctives import needs
 from blendcap.data.facs import SHAPES, shapes_of
 from blendcap.data.names import match
-from blendcap.synthetic.performances import for_rig, needs, play, with_correctives
+from blendcap.synthetic.performances import for_rig, play, with_correctives
 
 TRAINED: tuple[str, ...] = ("1+2", "4", "7", "9", "45", "6+43", "10L+12L+18L+23L", "10R+12R+18R+23R")
 """What a performer did to train the classifiers (thesis 4.1.11): seven exercises, the last of them to each side."""

@@ -9,8 +9,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from blendcap.data import Animation, InputError, Rig
-from blendcap.data.correctives import driven
-from blendcap.data.facs import NEEDS
+from blendcap.data.correctives import driven, needs
 from blendcap.data.names import ARKIT52, canonical, match
 
 # What a mouth does for a class of sounds, at full stress (ARKit names).
@@ -92,14 +91,6 @@ def with_correctives(animation: Animation, rig: Rig) -> Animation:
     """An animation of the rig with each corrective that it leaves at 0 as `data.correctives.driven` has it."""
     own = animation.weights.any(0)
     return replace(animation, weights=np.where(own, animation.weights, driven(rig, animation.weights)))
-
-
-def needs(rig: Rig, name: str) -> tuple[str, ...]:
-    """The shapes without which a shape makes no sense."""
-    if name in rig.combinations:
-        return tuple(rig.combinations[name])
-    wanted = NEEDS.get(canonical(name), ())
-    return tuple(n for n in rig.names if canonical(n) in wanted)
 
 
 def _units(rig: Rig) -> list[list[tuple[float, tuple[str, ...]]]]:

@@ -60,7 +60,8 @@ def heatmap(
     if len(errors) != len(rig.mesh.vertices):
         raise InputError(f"There are {len(errors)} errors for {len(rig.mesh.vertices)} vertices; give one for each.")
     known = errors[np.isfinite(errors)]
-    largest = largest or max(float(f"{np.percentile(known, 99) if len(known) else 0:.2g}"), 1.0)
+    if largest is None:
+        largest = max(float(f"{np.percentile(known, 99) if len(known) else 0:.2g}"), 1.0)
     colors, own = heat_colors(errors, largest), default_colors(rig)
     if trust is not None:
         colors = UNKNOWN + trust[:, None] * (colors - UNKNOWN)

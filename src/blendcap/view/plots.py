@@ -8,6 +8,7 @@ import numpy as np
 
 from blendcap.data import Animation, Binding, InputError, Rig, Solution
 from blendcap.numerics.geodesic import sewn_vertices
+from blendcap.numerics.surfaces import parts
 from blendcap.view.posing import weights_on
 from blendcap.view.style import BLUE, GREEN, GRID, INK, RED, SIX, new_figure, plain, styled, thinned
 
@@ -206,14 +207,8 @@ def _span(times: np.ndarray) -> tuple[float, float]:
 
 def _skin(rig: Rig) -> np.ndarray:
     """The vertices of the largest piece of a rig: not its eyes and teeth."""
-    from scipy import sparse
-    from scipy.sparse.csgraph import connected_components
-
-    count = len(rig.mesh.vertices)
     sewn = sewn_vertices(rig.mesh.vertices, rig.deltas)
-    edges = np.concatenate([sewn[rig.mesh.faces[:, :2]], sewn[rig.mesh.faces[:, 1:]]])
-    graph = sparse.coo_matrix((np.ones(len(edges)), edges.T), shape=(count, count))
-    piece = connected_components(graph, directed=False)[1][sewn]
+    piece = parts(sewn[rig.mesh.faces], len(sewn))[sewn]
     return np.flatnonzero(piece == np.bincount(piece).argmax())
 
 

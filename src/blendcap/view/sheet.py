@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from blendcap.data import Rig
+from blendcap.data.correctives import needs
 from blendcap.io.images import write_image
 from blendcap.rendering import face_camera, prepare_rig, shaped
 from blendcap.view.image import draw_text
@@ -45,7 +46,7 @@ def _cells(rig: Rig, size: tuple[int, int]) -> Iterator[np.ndarray]:
     camera = face_camera(framed, size)
     for n, name in enumerate(rig.names):
         weights = np.zeros(len(rig.names))
-        weights[[rig.index(driver) for driver in rig.combinations.get(name, ())]] = 1
+        weights[[rig.index(other) for other in needs(rig, name)]] = 1
         weights[n] = rig.bounds[n, 1]
         yield _named(shaped(neutral, rig, weights).picture(camera, size), name)
 
