@@ -76,7 +76,10 @@ def main() -> None:
                 failures(kind, trained, folder, rows["flaws"])
     texts = {
         "units": ("Action units from makeup patches", UNITS_TEXT + "\n".join(rows["units"])),
-        "solve": ("The hybrid solve", SOLVE_TEXT + "\n".join(rows["solve"]) + GAINS_TEXT + "\n".join(rows["gains"])),
+        "solve": (
+            "The hybrid solve" + ", in brief" * chosen.brief,
+            SOLVE_TEXT + "\n".join(rows["solve"]) + GAINS_TEXT + "\n".join(rows["gains"]),
+        ),
         "flaws": ("The hybrid solve when things go wrong", FLAW_TEXT + "\n".join(rows["flaws"])),
     }
     for part in chosen.parts:
