@@ -66,6 +66,10 @@ PLANS = {
         ("alex first half, identity 1", "alexdjulin_alex_rom_3.csv", 0, 1500, 1, 1),
         ("happy, identity 2", "neurosync_Happy_Happy.csv", 0, 1500, 2, 2),
         ("alex first half, identity 3", "alexdjulin_alex_rom_3.csv", 500, 2000, 3, 3),
+        *(
+            (f"alex from {first}, identity {i}", "alexdjulin_alex_rom_3.csv", first, first + 610, i, i)
+            for i, first in ((11, 0), (12, 600), (13, 1200), (14, 1800), (15, 2400), (16, 2810), (17, 300), (18, 2100))
+        ),
     ),
     "report": (
         *((f"identity {i}", "alexdjulin_alex_rom_3.csv", 3420, 4030, i, i) for i in (51, 62, 74, 77, 78, 79, 80, 81)),
