@@ -571,3 +571,12 @@ def test_live_eases_to_rest_when_it_sees_nothing():
 def test_settings_refuse_what_makes_no_sense(wrong):
     with pytest.raises(InputError, match=str(next(iter(wrong)))):
         SolveSettings(**wrong)
+
+
+@pytest.mark.parametrize(
+    ("method", "setting"),
+    [("paper", "smoothness"), ("paper", "symmetry"), ("live", "passes"), ("learned", "beta"), ("live", "influence")],
+)
+def test_a_setting_of_another_method_is_refused(method, setting):
+    with pytest.raises(InputError, match=f"setting {setting} belongs to the method [a-z ]+, not to {method}"):
+        SolveSettings(method=method, **{setting: 0.9 if setting != "passes" else 2})

@@ -107,3 +107,11 @@ def test_trust_falls_beyond_what_is_usual():
     assert factors[5] == pytest.approx((ASTRAY * 0.5 / 4.0) ** 2)
     assert (trust(np.array([0.01, 0.02, 0.59])) == 1).all()  # a small error is nobody's fault
     assert (trust(np.full(4, np.nan)) == 1).all()
+
+
+def test_without_symmetry_a_shape_has_no_partner_to_follow():
+    columns = apart()
+    columns[1] = 0  # its partner on the other side has a marker, it has none
+    told = {symmetry: held_shapes(rows_of(columns), 0.3, Kinship.of_pairs(PAIRS, symmetry)) for symmetry in (0.0, 0.97)}
+    assert told[0.97].tolist() == [False] * 6
+    assert told[0.0].tolist() == [False, True, False, False, False, False]

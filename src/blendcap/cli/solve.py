@@ -220,23 +220,16 @@ def summary(take: MarkerTake, solution: Solution, progress: Progress) -> dict[st
     }
 
 
-_METHODS_OF = {
-    "smoothness": ("learned", "live"),
-    "curve_error": ("learned", "live"),
-    "beta": ("paper",),
-    "coupling": ("paper",),
-    "influence": ("paper",),
-}
-
-
 def _settings(method: str, chosen: dict[str, float | None], **others: Any):
     """Only what was asked for; the rest keeps the defaults of SolveSettings."""
+    from blendcap.solving.settings import METHODS_OF
+
     given: dict[str, Any] = {"method": method, **others}
     for name, value in chosen.items():
         if value is None:
             continue
-        if method not in _METHODS_OF[name]:
-            option, wanted = name.replace("_", "-"), " or ".join(_METHODS_OF[name])
+        if method not in METHODS_OF[name]:
+            option, wanted = name.replace("_", "-"), " or ".join(METHODS_OF[name])
             raise blendcap.InputError(f"--{option} belongs to --method {wanted}, not to {method}; leave it out.")
         given[name] = value
     return blendcap.SolveSettings(**given)

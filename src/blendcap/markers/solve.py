@@ -114,7 +114,7 @@ def solve(
     answer = _solve(rig, rows, take.rate, noise, settings, positions, rest, curves, clock)
     clock.stop()
     rows, unknowns, certificate = answer.rows, answer.unknowns, answer.certificate
-    errors = _errors(answer, noise, kinship(rig), curves, settings)
+    errors = _errors(answer, noise, kinship(rig, settings.symmetry), curves, settings)
     unseen = {
         name: float(e) for name, e, held in zip(rig.names, errors, answer.held, strict=True) if held or e > UNSEEN
     }
@@ -237,7 +237,7 @@ def _solve(
     if settings.method == "live":
         told = 0.0 if curves is None else settings.curve_error**-2 * curves.confidence.any(0)
         in_view = replace(rows, missing=np.zeros_like(rows.missing))  # what will be missing is not known yet
-        held = held_shapes(in_view, lasting_noise(noise, noise), kinship(rig), told)
+        held = held_shapes(in_view, lasting_noise(noise, noise), kinship(rig, settings.symmetry), told)
         return _as_answer(rows, noise, held, *solve_live(rows, rig.mirror, rate, noise, held=held, **prior))
 
     def relinearize(unknowns: np.ndarray) -> np.ndarray:
@@ -247,7 +247,7 @@ def _solve(
         return remove_motion(positions, motion, pivot(rest)) - rest + _helmet_part(rows, unknowns)
 
     return solve_learned(
-        rows, rig.mirror, rate, noise, **prior, passes=settings.passes, kinship=kinship(rig),
+        rows, rig.mirror, rate, noise, **prior, passes=settings.passes, kinship=kinship(rig, settings.symmetry),
         quick=np.array([canonical(name).startswith("eyeBlink") for name in rig.names]),
         relinearize=None if settings.helmet == "none" else relinearize,
         progress=lambda detail: clock.begin("solving", f"solving, {detail}"),
@@ -258,12 +258,12 @@ def _as_answer(rows: MarkerRows, noise: float, held: np.ndarray, unknowns, energ
     return Answer(rows, unknowns, energies, certificate, noise, held, np.ones(len(rows.rows)))
 
 
-def kinship(rig: Rig) -> Kinship:
+def kinship(rig: Rig, symmetry: float) -> Kinship:
     """How the shapes of a rig belong together, by its mirror map and its names."""
     names = [canonical(name) for name in rig.names]
     eyeballs = np.array([name.startswith(("eyeLook", "pupil")) for name in names], dtype=bool)
     lids = np.array([name.startswith("eye") for name in names], dtype=bool) & ~eyeballs
-    return Kinship(rig.mirror, opposite_map(rig.names), lids, eyeballs)
+    return Kinship(rig.mirror, opposite_map(rig.names), lids, eyeballs, symmetry)
 
 
 def _errors(answer: Answer, least: float, kin: Kinship, curves: Curves | None, settings: SolveSettings) -> np.ndarray:

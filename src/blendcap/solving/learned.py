@@ -17,6 +17,7 @@ from blendcap.solving.prior import (
     HOLD,
     SPAN,
     START_DEVIATION,
+    SYMMETRY,
     TakePrior,
     learn_prior,
     posterior,
@@ -70,7 +71,7 @@ def solve_learned(
     rate: float,
     noise: float,
     *,
-    symmetry: float = 0.97,
+    symmetry: float = SYMMETRY,
     smoothness: float = 1.0,
     passes: int = 3,
     quick: np.ndarray | None = None,
@@ -119,7 +120,7 @@ def solve_learned(
         Told what begins.
     """
     start = symmetric_prior(mirror, symmetry, rate)
-    kinship = Kinship.of_pairs(mirror) if kinship is None else kinship
+    kinship = Kinship.of_pairs(mirror, symmetry) if kinship is None else kinship
     quick = np.zeros(len(mirror), dtype=bool) if quick is None else quick
     belief = _Belief.first(start, max(noise, START_NOISE), len(rows.rows))
     told_error = np.full(len(mirror), curve_error)

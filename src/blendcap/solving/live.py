@@ -12,7 +12,15 @@ from numba import get_num_threads, set_num_threads
 from blendcap.data import Certificate
 from blendcap.numerics.boxls import solve_box
 from blendcap.solving.curves import CURVE_ERROR, Curves
-from blendcap.solving.prior import HELMET_RIDGE, HELMET_STEP, PSEUDO_FRAMES, STEP_FLOOR, TakePrior, symmetric_prior
+from blendcap.solving.prior import (
+    HELMET_RIDGE,
+    HELMET_STEP,
+    PSEUDO_FRAMES,
+    STEP_FLOOR,
+    SYMMETRY,
+    TakePrior,
+    symmetric_prior,
+)
 from blendcap.solving.rows import MarkerRows
 
 REFRESH = 30  # frames between two re-estimates of the prior
@@ -44,7 +52,7 @@ class LiveSolver:
 
     def __init__(
         self, rows: MarkerRows, mirror: np.ndarray, rate: float, noise: float, *,
-        symmetry: float = 0.97, smoothness: float = 1.0, curve_error: float = CURVE_ERROR,
+        symmetry: float = SYMMETRY, smoothness: float = 1.0, curve_error: float = CURVE_ERROR,
         held: np.ndarray | None = None,
     ):  # fmt: skip
         self.rows, self.rate, self.noise, self.smoothness = rows, rate, noise, smoothness
@@ -126,7 +134,7 @@ def _one_thread() -> Iterator[None]:
 
 def solve_live(
     rows: MarkerRows, mirror: np.ndarray, rate: float, noise: float, *,
-    symmetry: float = 0.97, smoothness: float = 1.0, curves: Curves | None = None, curve_error: float = CURVE_ERROR,
+    symmetry: float = SYMMETRY, smoothness: float = 1.0, curves: Curves | None = None, curve_error: float = CURVE_ERROR,
     held: np.ndarray | None = None,
 ) -> tuple[np.ndarray, dict[str, np.ndarray], Certificate]:  # fmt: skip
     """A whole take through a LiveSolver as if it arrived live: unknowns (T, N + K), energies, certificate."""

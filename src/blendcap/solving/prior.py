@@ -12,6 +12,7 @@ import numpy as np
 from scipy.ndimage import correlate1d, uniform_filter1d
 
 START_DEVIATION = 0.35  # of a weight, before the take is seen
+SYMMETRY = 0.97  # correlation of left and right partners, likewise
 START_STEP = 0.02  # of a weight's change from frame to frame, at 60 frames a second
 STEP_FLOOR = 0.002  # likewise: the least that a shape is believed to move
 DEVIATION_FLOOR = 0.01  # the least standard deviation of a weight

@@ -9,8 +9,19 @@ from numbers import Real
 from blendcap.data import InputError
 from blendcap.data.checks import names
 from blendcap.solving.curves import CURVE_ERROR
+from blendcap.solving.prior import SYMMETRY
 
 METHODS = ("learned", "paper", "live")
+METHODS_OF = {  # the methods that a setting belongs to, where it does not belong to all
+    "smoothness": ("learned", "live"),
+    "curve_error": ("learned", "live"),
+    "symmetry": ("learned", "live"),
+    "passes": ("learned",),
+    "beta": ("paper",),
+    "gamma": ("paper",),
+    "coupling": ("paper",),
+    "influence": ("paper",),
+}
 HELMETS = ("rigid", "paper", "none")
 MOST_SMOOTH = 1e6
 MOST_COUPLED = 1e6  # mm²
@@ -64,7 +75,7 @@ class SolveSettings:
     Raises
     ------
     InputError
-        If a name is unknown or a number is out of its range.
+        If a name is unknown, a number is out of its range, or a setting belongs to another method.
     """
 
     method: str = "learned"
@@ -78,7 +89,7 @@ class SolveSettings:
     longest_gap: float = 0.1
     noise: float | None = None
     model_error: float = 0.06
-    symmetry: float = 0.97
+    symmetry: float = SYMMETRY
     influence: float = 4.0
     curve_error: float = CURVE_ERROR
     passes: int = 3
@@ -105,6 +116,12 @@ class SolveSettings:
             raise InputError(
                 f"A solve needs a whole number of passes from 1 to {MOST_PASSES}, but passes is {self.passes!r}."
             )
+        for name, methods in METHODS_OF.items():
+            if self.method not in methods and getattr(self, name) != getattr(SolveSettings, name):
+                owners = " or ".join(methods)
+                raise InputError(
+                    f"The setting {name} belongs to the method {owners}, not to {self.method}; leave it out."
+                )
         object.__setattr__(self, "stable", names(self.stable, "The stable markers"))
         if self.coupling > MOST_COUPLED:
             raise InputError(

@@ -6,12 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from blendcap.solving.prior import HELMET_RIDGE, START_DEVIATION
+from blendcap.solving.prior import HELMET_RIDGE, START_DEVIATION, SYMMETRY
 from blendcap.solving.rows import MarkerRows
 
 UNSEEN = START_DEVIATION  # a weight of which the markers tell less than a guess would is not seen
 EXCLUSION = 0.9  # how sure it is that a shape and the one that excludes it are not on together
-SYMMETRY = 0.97
 NEUTRAL = 0.5  # part of the noise of a frame that is left in the mean of a few, as the neutral is
 
 
@@ -27,29 +26,33 @@ class Kinship:
         The shape that excludes each shape (lid up and lid down); itself if none does.
     lids, eyeballs : (N,) bool
         Shapes of the lids, and those that turn or change the eyeball, on which no marker sits.
+    symmetry : float
+        Correlation of partners before the take is seen; at 0 nobody has one.
     """
 
     mirror: np.ndarray
     opposite: np.ndarray
     lids: np.ndarray
     eyeballs: np.ndarray
+    symmetry: float = SYMMETRY
 
     @classmethod
-    def of_pairs(cls, mirror: np.ndarray) -> Kinship:
+    def of_pairs(cls, mirror: np.ndarray, symmetry: float = SYMMETRY) -> Kinship:
         """Partners and nothing else."""
         none = np.zeros(len(mirror), dtype=bool)
-        return cls(mirror, np.arange(len(mirror)), none, none)
+        return cls(mirror, np.arange(len(mirror)), none, none, symmetry)
 
     @property
     def partner(self) -> np.ndarray:
         """(N,) int: the shape that goes with each; the jaw to the left does not go with the jaw to the right."""
-        return np.where(self.opposite == self.mirror, np.arange(len(self.mirror)), self.mirror)
+        alone = (self.opposite == self.mirror) | (self.symmetry == 0)
+        return np.where(alone, np.arange(len(self.mirror)), self.mirror)
 
     def covariance(self) -> np.ndarray:
         """(N, N) of the weights before any marker is seen."""
         own, partner = np.arange(len(self.mirror)), self.partner
         together, apart = np.eye(len(own)), np.eye(len(own))
-        together[own, partner] += SYMMETRY * (partner != own)
+        together[own, partner] += self.symmetry * (partner != own)
         apart[own, self.opposite] -= EXCLUSION * (self.opposite != own)
         product = together @ apart
         return START_DEVIATION**2 * (product + product.T) / 2
