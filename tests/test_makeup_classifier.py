@@ -11,7 +11,7 @@ from blendcap.data import Animation, InputError
 from blendcap.io.models import read_model, write_model
 from blendcap.makeup.augmentation import warped
 from blendcap.makeup.classifier import margin, tally
-from blendcap.makeup.curves import WINDOWS, classify
+from blendcap.makeup.curves import SHUT, WINDOWS, _with_full_blinks, classify
 from blendcap.makeup.features import COARSE, MOTION, SOFT, features, gabor, gabor_bank, motion
 from blendcap.makeup.intensity import measure_intensity
 from blendcap.makeup.labels import soft
@@ -116,9 +116,21 @@ def test_lids_are_smoothed_less_than_brows(trained):
     model = replace(trained.models[0], region=trained.models[0].region._replace(units=units))
     raw, _ = trained(patches)
     table = {"AU45L": {"lid": 1.0}, "AU4": {"brow": 1.0}, "AU9": {"nose": 1.0}}
-    told = classify(replace(trained, models=[model]), replace(patches, rate=30.0), table=table, aligned=False)
+    told = classify(
+        replace(trained, models=[model]), replace(patches, rate=30.0), table=table, aligned=False, full_blinks=False
+    )
     frames = 7 if trained.method == "intensity" else 13
     np.testing.assert_allclose(told.weights[:, 0], np.clip(savgol_filter(raw[:, 0], frames, 2), 0, 1), atol=1e-6)
+
+
+def test_the_strongest_blinks_of_a_take_shut_the_eyes_and_nothing_else_grows():
+    units, rise = ("AU45L", "AU45R", "AU4"), np.concatenate([np.zeros(50), np.sin(np.linspace(0, np.pi, 50))])
+    told = np.outer(rise, [0.6, 0.3, 0.6])
+    scaled = _with_full_blinks(told, units)
+    assert np.percentile(scaled[:, 0], 99) == pytest.approx(SHUT)
+    np.testing.assert_allclose(scaled[:, 0] * told[30:, 0].max(), told[:, 0] * scaled[30:, 0].max(), atol=1e-12)
+    np.testing.assert_array_equal(scaled[:, 1:], told[:, 1:])  # a lid that never shuts half, and a brow
+    np.testing.assert_array_equal(_with_full_blinks(np.outer(rise, [1.0, 0.95, 1.0]), units)[:, 0], rise)
 
 
 def test_no_patches_are_refused(trained):

@@ -142,6 +142,7 @@ def predict(
     overlay: Path | None = None,
     picture: Path | None = None,
     everywhere: Annotated[bool, Parameter(negative="--shown-only")] = True,
+    full_blinks: Annotated[bool, Parameter(negative="--blinks-as-told")] = True,
     as_json: AsJson = False,
 ) -> None:
     """Tell the action units of a performance, of any performer, as curves of the rig's shapes.
@@ -164,6 +165,8 @@ def predict(
         A .png of the frame that shows most, as the overlay has it: are the patches where they should be?
     everywhere
         Whether the curves also speak at rest, or only where a unit is shown, as in the papers.
+    full_blinks
+        Whether the take's strongest blinks shut the eyes, or stay as weak as they were told.
     as_json
         Print the answer as JSON.
     """
@@ -181,7 +184,7 @@ def predict(
         films, setup = _stage(videos, take, footage)
         setup = setup.only(classifier.neutral)
     blocks = _blocks(films, setup, footage.threshold, progress)
-    curves = blendcap.classify(classifier, blocks, table=shapes, everywhere=everywhere)
+    curves = blendcap.classify(classifier, blocks, table=shapes, everywhere=everywhere, full_blinks=full_blinks)
     with progress.step("write", f"Write {output}"):
         write_animation(output, curves)
     _show(films, setup, curves, overlay, picture, progress)
