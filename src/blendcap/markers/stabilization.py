@@ -15,6 +15,7 @@ from blendcap.numerics.similarity import align, align_robust, apply
 log = logging.getLogger(__name__)
 
 _FEWEST = 4  # stable markers that `find_stable` looks for
+OUTVOTE = 6  # stable markers from which on a minority can be told from the rest
 _FRAMES = 400  # frames that it looks at
 _NEAR = 20.0  # mm: closer pairs say little about a rotation
 _RIGID = 0.75  # of the stable markers' squared motion, for it to count as the head's
@@ -60,10 +61,11 @@ def stabilize(
 ) -> tuple[np.ndarray, MarkerTake]:
     """Take the rigid motion of the head out of a take.
 
-    Each frame's stable markers are fitted to the neutral ones by `align_robust`, one frame at a time: nothing is
-    smoothed. Frames that see fewer than three of them take the pose between their neighbors. A take in which a rigid
-    motion explains less than three quarters of what the stable markers do is left as it is: on a helmet that sits
-    tight, the fit would follow the skin.
+    Each frame's stable markers are fitted to the neutral ones, one frame at a time: nothing is smoothed. Six markers
+    or more are fitted by `align_robust`; of fewer, two sides may outvote each other in turns, and the head would jump
+    from one to the other, so they are fitted by least squares. Frames that see fewer than three of them take the pose
+    between their neighbors. A take in which a rigid motion explains less than three quarters of what the stable markers
+    do is left as it is: on a helmet that sits tight, the fit would follow the skin.
 
     Parameters
     ----------
@@ -154,13 +156,22 @@ def _poses(positions: np.ndarray, rest: np.ndarray) -> tuple[np.ndarray, np.ndar
         raise InputError("No frame sees three stable markers, so the head's motion is unknown; name other ones.")
     seen = positions[enough]
     first = align(rest, seen, scale=False)
-    # One width for the whole take: a width that followed each frame's own residuals would add noise to the poses.
-    typical = float(np.nanmedian(np.linalg.norm(apply(rest, *first) - seen, axis=-1)))
-    rotations, translations, _ = align_robust(rest, seen, scale=False, floor=max(3.0 * typical, 0.05))
+    if positions.shape[1] < OUTVOTE:
+        rotations, translations, _ = first
+    else:
+        rotations, translations = _outvoted(rest, seen, first)
     if enough.all():
         return rotations, translations
     log.warning("In %d frames the head's pose is interpolated: too few stable markers are seen.", (~enough).sum())
     return _interpolated(enough, rotations, translations, np.nanmean(rest, axis=0))
+
+
+def _outvoted(rest: np.ndarray, seen: np.ndarray, first) -> tuple[np.ndarray, np.ndarray]:
+    """Poses that a minority of the markers cannot pull away, from those of least squares."""
+    # One width for the whole take: a width that followed each frame's own residuals would add noise to the poses.
+    typical = float(np.nanmedian(np.linalg.norm(apply(rest, *first) - seen, axis=-1)))
+    rotations, translations, _ = align_robust(rest, seen, scale=False, floor=max(3.0 * typical, 0.05))
+    return rotations, translations
 
 
 def _interpolated(known: np.ndarray, rotations, translations, center) -> tuple[np.ndarray, np.ndarray]:

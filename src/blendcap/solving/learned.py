@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
 from blendcap.data import Certificate
 from blendcap.numerics.boxseq import solve_box_sequence
@@ -34,6 +35,7 @@ log = logging.getLogger(__name__)
 
 START_NOISE = 0.3  # mm: assumed before the residuals are seen
 TELLING = 0.2  # the markers know a weight as well as this if they are to judge its curve
+HANDOVER_FRAMES = 9  # in which one of two shapes that exclude each other hands over to the other
 
 
 @dataclass(frozen=True, eq=False)
@@ -238,13 +240,22 @@ def _terms(
     return _Terms(
         weighed,
         _precision(belief.prior, belief.noise, len(rows.lower)),
-        belief.resting * (belief.noise / (HOLD * START_DEVIATION)) ** 2,
+        handed_over(belief.resting) * (belief.noise / (HOLD * START_DEVIATION)) ** 2,
         _coupling(weighed, belief.prior, belief.noise, rate, smoothness * belief.factors, quick),
         belief.foretold,
         curves,
         told_error,
         (belief.noise / told_error) ** 2,
     )
+
+
+def handed_over(resting: np.ndarray) -> np.ndarray:
+    """(T, N) share of the full hold on shapes that rest (T, N): it comes and goes by equal factors, not at once.
+
+    A hold that was there in one frame and not in the next would let go of a lid as a snapped thread does.
+    """
+    share = uniform_filter1d(resting.astype(float), HANDOVER_FRAMES, axis=0, mode="nearest")
+    return (HOLD ** (-2 * share) - 1) / (HOLD**-2 - 1)
 
 
 def _learned(
