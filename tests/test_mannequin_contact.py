@@ -3,8 +3,11 @@
 import numpy as np
 import pytest
 
+from blendcap import Rig
 from blendcap.data.correctives import driven
 from blendcap.io import read_animation
+from blendcap.rendering.camera import face_camera
+from blendcap.rendering.rasterize import rasterize
 from blendcap.synthetic.mannequin import MEASURES, PEOPLE
 from blendcap.synthetic.mannequin.cage import head_cage
 from blendcap.synthetic.mannequin.face import Face
@@ -60,6 +63,46 @@ def test_lids_stay_outside_the_eyeball(anybody, closed):
         center = np.array([*center, globe[:, 2].min() + GLOBE_RADIUS])
         distance = np.linalg.norm(lids[lids[:, 0] * side > 0] - center, axis=1)
         assert distance.min() > GLOBE_RADIUS + (0.45 if closed in (0, 0.5, 1) else 0.3)
+
+
+def seen_through_the_lids(rig: Rig, vertices: np.ndarray, yaw: float) -> int:
+    """Pixels of 0.2 mm that see the lining of the lids from behind: nothing but skin it came through lies there."""
+    faces = rig.mesh.faces
+    sockets = rig.regions["sockets"]
+    lining = np.isin(faces, sockets[sockets < len(shared().rest)]).any(1)
+    eyes = vertices[np.concatenate([rig.contacts["lids_left"], rig.contacts["lids_right"]]).ravel()]
+    box = np.concatenate([eyes + np.array([0.0, up, 0.0]) for up in (-12, 12)])
+    camera = face_camera(box, (600, 170), yaw)
+    seen = rasterize(vertices, faces, camera, (600, 170)).face
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    station = -camera.pose[:3, :3].T @ camera.pose[:3, 3]
+    behind = ((a - station) * np.cross(b - a, c - a)).sum(1) > 0
+    return int((lining & behind)[seen[seen >= 0]].sum())
+
+
+def assert_lids_hide_their_lining(identity, *poses: dict[str, float]) -> None:
+    rig = person(identity)
+    for pose in poses:
+        vertices = rig.pose(driven(rig, weights(rig, **pose)))
+        for yaw in (-0.6, 0.0, 0.6):
+            assert seen_through_the_lids(rig, vertices, yaw) < GRAZED, (identity, pose, yaw)
+
+
+GRAZED = 5  # pixels along the line where the rims meet, seen edge on
+BLINKS = [{"eyeBlink": closed} for closed in (0.8, 0.9, 1.0)]
+
+
+@pytest.mark.parametrize("identity", ["ada", "mei", 1, 3, 8, 13, 18, 23])
+def test_shut_lids_hide_their_lining(identity):
+    assert_lids_hide_their_lining(identity, *BLINKS)
+
+
+@pytest.mark.slow
+def test_nobodys_lids_show_their_lining():
+    others = [{"eyeBlink": 0.5}, {"eyeClose": 1}, {"eyeSqueeze": 1}, {"eyeSquint": 1}, {"lidTighten": 1},
+              {"eyeBlink": 1, "cheekSquint": 1, "browDown": 1}, {"eyeBlink": 1, "eyeLookDown": 1}]  # fmt: skip
+    for identity in (*PEOPLE, *range(1, 25)):
+        assert_lids_hide_their_lining(identity, {}, *BLINKS, *others)
 
 
 def test_lids_still_seal_at_the_bounds_of_every_measure():

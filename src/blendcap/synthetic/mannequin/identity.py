@@ -20,7 +20,9 @@ from blendcap.synthetic.mannequin.measures import MEASURES, displacement
 
 GLOBE = np.array([31.5, 0.0, 69.5])  # the left eyeball's center, mm
 GLOBE_RADIUS = 11.8
-LINING = 1.2  # of the lining of the lids above the eyeball, mm
+LINING, THIN = 1.2, 0.7  # of the lining of the lids above the eyeball, and at least where the skin lies close, mm
+BEHIND = 1.4  # and behind the crease of the lids, mm
+OUTER = (4, 5, 7, 8)  # places of the rings of the eye where the skin lies close; the canthus has room
 
 PEOPLE: dict[str, dict[str, float]] = {
     "plain": {},
@@ -116,6 +118,19 @@ def _off_globe(points: np.ndarray, globe: np.ndarray) -> np.ndarray:
     return globe + out / height * np.maximum(height, GLOBE_RADIUS + LINING)
 
 
+def behind_lids(cage: Cage, points: np.ndarray, globe: np.ndarray) -> np.ndarray:
+    """Points (H, 3) of a face whose lining lies behind the skin of the lids, where the eyeball leaves it little room.
+
+    It sinks along its rays from the center of the eyeball; the skin does not move.
+    """
+    sock, crease = (cage.index(ring(name, OUTER)) for name in ("sock", "crease"))
+    out, kept = points[sock] - globe, points.copy()
+    height, skin = (np.linalg.norm(points[at] - globe, axis=1, keepdims=True) for at in (sock, crease))
+    room = np.maximum(skin - BEHIND, GLOBE_RADIUS + THIN)
+    kept[sock] = globe + out / height * np.minimum(height, room)
+    return kept
+
+
 def make_person(cage: Cage, measures: Mapping[str, float]) -> Person:
     """The authored points of `cage` under these measures, lids fitted to the eyeballs."""
     own = _symmetric(measures)
@@ -134,4 +149,4 @@ def make_person(cage: Cage, measures: Mapping[str, float]) -> Person:
         if name == "sock":
             moved = _off_globe(moved, GLOBE + shift)
         points[at] = moved
-    return Person(points, GLOBE + shift, dict(measures))
+    return Person(behind_lids(cage, points, GLOBE + shift), GLOBE + shift, dict(measures))

@@ -11,6 +11,7 @@ from blendcap.synthetic.mannequin import jaw, lids, lips, upper_face
 from blendcap.synthetic.mannequin.contact import along_bone, over_globe, over_teeth, pushed_on
 from blendcap.synthetic.mannequin.face import Face
 from blendcap.synthetic.mannequin.fields import smoothstep
+from blendcap.synthetic.mannequin.identity import behind_lids
 from blendcap.synthetic.mannequin.visemes import VISEMES
 
 Build = Callable[[Face], np.ndarray]
@@ -114,6 +115,8 @@ def _halves(face: Face, arch: np.ndarray, skin: np.ndarray, faces: np.ndarray) -
         halves[name] = pushed_on(face, halves[name], before)
     for name in soft:
         halves[name] = over_globe(face, over_teeth(face, halves[name], arch))
+        ends = face.points + halves[name]
+        halves[name] += behind_lids(face.cage, ends, face.person.globe) - ends
     for name, viseme in VISEMES.items():
         mouth = np.sum([w * halves[part] for part, w in viseme.mouth.items()], axis=0)
         moved = jaw.jaw_opened(face, viseme.jaw) + over_teeth(face, mouth, arch)
