@@ -44,7 +44,7 @@ class Schedule:
     landmarks: tuple[float, ...] = (10.0, 5.0, 3.0, 1.5, 1.0)
     even: bool = True
     memory: int = 5
-    tolerance: float = 5e-5
+    tolerance: float = 7e-5
     steps: int = 12
     cosine: float = 0.5
     reach: float = 0.05
