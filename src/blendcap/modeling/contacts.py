@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from blendcap.data import Rig
+from blendcap.data.correctives import needs
 from blendcap.data.names import canonical
 from blendcap.modeling.parts import pieces
 from blendcap.numerics.geodesic import sewn_vertices
@@ -16,8 +17,6 @@ MEETS = 1.5  # mm: a pair that comes closer than this meets
 PARTED = 3.0  # mm: and this much farther apart they are in the open pose
 SPACING = 1.5  # mm between pairs along the line of contact
 CLOSES = 0.5  # of the gap: a shape that leaves less closes it, one that leaves more keeps it
-
-_TOGETHER: Mapping[str, tuple[str, ...]] = {"mouthClose": ("jawOpen",)}  # what ARKit's documentation says of its shapes
 
 # name of the contact: shapes of the closed pose and shapes of an open one, in ARKit's spelling
 _POSES: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
@@ -30,10 +29,7 @@ _POSES: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 
 def drivers_of(rig: Rig, name: str) -> tuple[int, ...]:
     """Places of the shapes that `name` makes sense with, from the rig or, if it says nothing, from ARKit's rule."""
-    if name in rig.combinations:
-        return tuple(rig.index(driver) for driver in rig.combinations[name])
-    found = [_place(rig, driver) for driver in _TOGETHER.get(canonical(name), ())]
-    return tuple(i for i in found if i is not None)
+    return tuple(rig.index(other) for other in needs(rig, name))
 
 
 def find_contacts(rig: Rig) -> dict[str, np.ndarray]:
