@@ -85,6 +85,7 @@ def test_where_the_film_has_no_picture_it_is_black():
         (["--frame", "1"], "--frame picks a frame of an animation"),
         (["take.csv", "--frame", "1", "-o", "x.mp4"], "--frame picks a frame of an animation for a .png"),
         (["--video", "film.mp4"], "--video is shown beside an animation"),
+        (["take.csv", "--offset", "2"], "--offset says when the animation begins in a film"),
         (["-o", "x.mp4"], "its ending must be one of .png"),
         (["take.csv", "-o", "x.html"], "its ending must be one of .png, .mp4, .gif"),
         (["take.csv", "--video", "film.mp4", "--offset", "9", "-o", "x.mp4"], "has no picture of the animation"),

@@ -48,7 +48,7 @@ def view(
     """
     target = output or Path((animation or rig).stem + (".png" if animation is None or frame is not None else ".mp4"))
     check_outputs([target], PICTURES + (VIDEOS if animation is not None else ()))
-    _check_use(target, animation, video, frame)
+    _check_use(target, animation, video, offset, frame)
     progress = Progress()
     with progress.step("read", "Read the files"):
         the_rig = blendcap.read_rig(rig)
@@ -62,11 +62,13 @@ def view(
     print(f"Open {target}.")
 
 
-def _check_use(target: Path, animation: Path | None, video: Path | None, frame: int | None) -> None:
+def _check_use(target: Path, animation: Path | None, video: Path | None, offset: float, frame: int | None) -> None:
     """Refuse what does not go together."""
     picture = target.suffix.lower() in PICTURES
     if frame is not None and (animation is None or not picture):
         raise blendcap.InputError("--frame picks a frame of an animation for a .png; give both, or leave it out.")
+    if offset and video is None:
+        raise blendcap.InputError("--offset says when the animation begins in a film; give --video, or leave it out.")
     if video is not None and (animation is None or picture):
         raise blendcap.InputError("--video is shown beside an animation in a film; give an animation and -o FILE.mp4.")
 

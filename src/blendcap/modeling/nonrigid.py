@@ -96,8 +96,8 @@ def fit_skin(
         if not folds.any():
             break
         joined = joined * np.where(folds[edges].all(1), FIRMER, 1.0)
-        field = AffineField(unit, edges, joined, sampling, backend)
-        maps, weights, targets, level = _settle(field, maps, match, alpha, beta, held, schedule, size)
+        whole, field = field.maps(maps), AffineField(unit, edges, joined, sampling, backend)
+        maps, weights, targets, level = _settle(field, whole, match, alpha, beta, held, schedule, size)
         levels[-1] = replace(level, steps=levels[-1].steps + level.steps)
         costs[-1] = field.energies(maps, weights, targets, held)
     fitted = field.moved(maps)

@@ -24,6 +24,7 @@ METHODS_OF = {  # the methods that a setting belongs to, where it does not belon
 }
 HELMETS = ("rigid", "paper", "none")
 MOST_SMOOTH = 1e6
+LARGEST = 1e6  # mm or mm²
 MOST_COUPLED = 1e6  # mm²
 MOST_PASSES = 100
 LEAST_CURVE_ERROR = 1e-3
@@ -106,6 +107,10 @@ class SolveSettings:
             raise InputError(
                 f"The noise must be a positive number of mm, but is {self.noise!r}; leave it out if unknown."
             )
+        for name in ("noise", "model_error", "beta", "gamma", "influence"):
+            value = getattr(self, name)
+            if value is not None and value > LARGEST:
+                raise InputError(f"The setting {name} is {value:g}, which is out of range; {LARGEST:g} is the most.")
         if not (_is_number(self.curve_error) and self.curve_error >= LEAST_CURVE_ERROR):
             raise InputError(
                 f"The curve error must be at least {LEAST_CURVE_ERROR:g}, but is {self.curve_error!r}; 0.1 is usual."
