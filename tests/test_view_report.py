@@ -239,6 +239,23 @@ def test_concerns_point_at_what_is_wrong(rig, solution, binding):
     assert "did not reach its optimum" in concerns(rig, failed)[0]
 
 
+def test_markers_that_were_exchanged_are_named_with_each_other(rig, solution, binding):
+    places = binding.points.positions(rig.mesh)
+    offsets = np.full((MARKERS, 3), 1.0)
+    offsets[0], offsets[4] = places[4] - places[0], places[0] - places[4]
+    said = concerns(rig, solution, replace(binding, offsets=offsets, automatic=False))
+    far = np.linalg.norm(offsets[0])
+    for one, other in (("m0", "m4"), ("m4", "m0")):
+        sentence = (
+            f"In the neutral pose {one} lies {far:.0f} mm from its place, near that of {other}, half of the others"
+        )
+        assert any(s.startswith(sentence) for s in said)
+    lost = np.full((MARKERS, 3), 1.0)
+    lost[2] = [0, 0, 60]
+    alone = [s for s in concerns(rig, solution, replace(binding, offsets=lost)) if "neutral pose" in s]
+    assert len(alone) == 1 and "m2 lies 60 mm from its place, half" in alone[0]
+
+
 def test_patches_that_disagree_and_markers_far_off_are_said(rig, solution):
     apart = np.zeros_like(solution.animation.weights)
     apart[: len(apart) // 2, 0] = 0.5

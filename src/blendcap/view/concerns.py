@@ -12,6 +12,7 @@ from blendcap.view.posing import weights_on
 OPPOSITE = -0.75  # cosine of two shapes' motions below which they undo each other
 ASTRAY = 4.0  # times the usual error, and at least FAR, for a marker to be called bad
 FAR = 1.0  # mm
+ELSEWHERE = 15.0, 5.0  # mm, and times the usual distance, of a neutral marker from its place: it belongs elsewhere
 AROUND = 0.5  # seconds over which a marker's error is averaged before it is judged
 MOST = 6  # bad markers to name; the table has them all
 MISFIT = 3.0  # mm, of all markers and frames: more than another's face explains
@@ -23,6 +24,7 @@ def concerns(rig: Rig, solution: Solution, binding: Binding | None = None) -> li
     """Reasons to look twice, the gravest first; empty if there is none."""
     return [
         *_trouble_of_the_solve(solution, binding),
+        *_misplaced(rig, binding),
         *_unseen(solution),
         *_bad_markers(solution),
         *_conflicts(rig, solution),
@@ -47,6 +49,26 @@ def _trouble_of_the_solve(solution: Solution, binding: Binding | None) -> list[s
         said.append(
             f"The markers lie {solution.rms_mm:.1f} mm off the face (root mean square): the take may not begin "
             "neutral, or labels may be exchanged."
+        )
+    return said
+
+
+def _misplaced(rig: Rig, binding: Binding | None) -> list[str]:
+    """Markers that lie far from their places in the neutral pose, and which others lie there."""
+    if binding is None or not len(binding.offsets):
+        return []
+    away = np.linalg.norm(binding.offsets, axis=1)
+    usual, names = float(np.median(away)), binding.points.names
+    bad = np.flatnonzero(away > max(ELSEWHERE[0], ELSEWHERE[1] * usual))
+    places = binding.points.positions(rig.mesh)
+    said = []
+    for m in bad[np.argsort(-away[bad])][:MOST]:
+        from_others = np.linalg.norm(places[bad] - places[m] - binding.offsets[m], axis=1)
+        k = int(from_others.argmin())
+        guess = f", near that of {names[bad[k]]}" if bad[k] != m and from_others[k] < away[m] / 3 else ""
+        said.append(
+            f"In the neutral pose {names[m]} lies {away[m]:.0f} mm from its place{guess}, half of the others within "
+            f"{usual:.0f}: check its label and its correspondence."
         )
     return said
 
@@ -77,9 +99,11 @@ def _bad_markers(solution: Solution) -> list[str]:
     usual = float(np.nanmedian(rms)) if np.isfinite(rms).any() else np.nan
     bad = [(_rms(solution, *span), *span) for span in _spans_astray(solution, usual)]
     for error, m, first, last in sorted(bad, reverse=True)[:MOST]:
+        whole = first == 0 and last == len(solution.residuals) - 1
+        cause = "check its label and place" if whole else "a motion that the rig lacks, or a wrong label"
         said.append(
             f"Marker {solution.marker_names[m]} is off by {error:.1f} mm {_when(solution, first, last)}, the others by "
-            f"{usual:.1f}: check its label and place."
+            f"{usual:.1f}: {cause}."
         )
     gone = [f"{solution.marker_names[m]} ({lost[m]:.0%})" for m in np.argsort(-lost, kind="stable") if lost[m] > 0.3]
     return [*said, f"Often missing, in so many of the frames: {', '.join(gone)}."] if gone else said
