@@ -14,13 +14,21 @@ from blendcap.numerics._lanes import fill, gather, load, rough_root, store, wher
 
 @njit(error_model="numpy", cache=True)
 def eliminate(gram, free, n, d, a, y):
-    """Factor the free blocks of `gram + diag d`, and solve `L y = y`. For `free` see `Free`."""
-    for i in range(0, n, 4):
-        o = 16 * i * (i // 4 + 1)
+    """Factor the free blocks of `gram + diag d`, and solve `L y = y`; `free` lists n unknowns of every lane.
+
+    Two panels take the products of a third while it is in the cache.
+    """
+    for i in range(0, n, 8):
+        end = min(i + 8, n)
         for j in range(0, i, 4):
-            reduce_block(gram, free, i, j, a, o, 16 * j * (j // 4 + 1))
-        factor_corner(gram, free, i, d, a, o)
-        forward_panel(a, o, i, y)
+            for k in range(i, end, 4):
+                reduce_block(gram, free, k, j, a, 16 * k * (k // 4 + 1), 16 * j * (j // 4 + 1))
+        for k in range(i, end, 4):
+            o = 16 * k * (k // 4 + 1)
+            if k > i:
+                reduce_block(gram, free, k, i, a, o, 16 * i * (i // 4 + 1))
+            factor_corner(gram, free, k, d, a, o)
+            forward_panel(a, o, k, y)
 
 
 @njit(error_model="numpy", inline="always")

@@ -101,18 +101,45 @@ def rescale_all(linear, diagonal, factors, scaled, bent, count):
 def rescale(linear, diagonal, factors, first, scaled, bent):
     """The scaled linear terms and diagonals from the first frame on; returns which are usable. The others are zero."""
     kept, factor, bend, shift = factors
-    usable = np.empty(len(scaled), np.bool_)
+    usable, whole = np.empty(len(scaled), np.bool_), kept.size == linear.shape[1]
     for t in range(len(scaled)):
         row, own = linear[first + t], diagonal[first + t if len(diagonal) > 1 else 0]
         usable[t] = finite(row) and finite(own)
-        out = scaled[t]
-        for k in range(kept.size):
-            out[k] = row[kept[k]] * factor[k] if usable[t] else 0.0
-        if len(bent) > 1 or t == 0:
-            out = bent[t]
-            for k in range(kept.size):
-                out[k] = own[kept[k]] * bend[k] - shift[k] if usable[t] or len(bent) == 1 else 0.0
+        if not usable[t]:
+            scaled[t] = 0.0
+        elif whole:  # without looking up places the loop is one of vectors
+            times(row, factor, scaled[t])
+        else:
+            chosen_times(row, kept, factor, scaled[t])
+        if len(bent) == 1 and t > 0:
+            continue
+        if not usable[t] and len(bent) > 1:
+            bent[t] = 0.0
+        elif whole:
+            times(own, bend, bent[t])
+            less(bent[t], shift)
+        else:
+            chosen_times(own, kept, bend, bent[t])
+            less(bent[t], shift)
     return usable
+
+
+@njit(error_model="numpy", inline="always")
+def times(row, factor, out):
+    for k in range(factor.size):
+        out[k] = row[k] * factor[k]
+
+
+@njit(error_model="numpy", inline="always")
+def chosen_times(row, kept, factor, out):
+    for k in range(factor.size):
+        out[k] = row[kept[k]] * factor[k]
+
+
+@njit(error_model="numpy", inline="always")
+def less(out, shift):
+    for k in range(shift.size):
+        out[k] -= shift[k]
 
 
 @njit(error_model="numpy", cache=True)
