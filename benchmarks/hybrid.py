@@ -112,6 +112,7 @@ puckered lips that swing from side to side and a frown; noise 0.2 mm, misplaceme
 5 % occluded; places of the markers as a technician would give them. Markers lie on skin that bears no paint and is no
 lid; "lids too": anywhere on the skin. The solver's rig has the template's shapes, transferred to a neutral that errs
 by 0.5 mm; its answers are judged on the performer's own neutral.
+In the lessons, and only there, markers lie on lids and paint too: their solve gives the intensities to learn.
 Vertex RMSE in mm by region. The classifier was trained on the teacher, the
 first of each face. "closed": precision and recall of frames in which a lid's gap is below 35 % of that at rest, and in
 brackets where it may be told two frames early or late. "truth": the performer's own weights in place of the curves, of

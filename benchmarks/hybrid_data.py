@@ -4,7 +4,8 @@ One performer of each face is the teacher. What was tuned (regions, thresholds, 
 and 5; reported are the teacher's unseen takes, two other people of each face, and all real performances.
 
 Markers lie between the paint, as in the papers: a marker that is glued on a stroke hides it, and nobody glues markers
-on lids (54 markers on the upper face did not see them shut, section 8 of Reading Between the Dots, 2016).
+on lids (54 markers on the upper face did not see them shut, section 8 of Reading Between the Dots, 2016). Only the
+lessons have markers on lids and paint too, once: their solve gives the intensities to learn.
 """
 
 from __future__ import annotations
