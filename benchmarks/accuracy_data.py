@@ -2,8 +2,9 @@
 
 What is tuned uses `cases("tuning")` only; what is reported comes from `cases("report")`, which share no frame, no
 identity, no performer seed and no range of motion noise with them: the last 20 s of Alexander's recording report. No
-choice was made on them, but their blink gain was seen to fall short before the lids were tuned elsewhere. `cases("whole")` plays all of the recording on yet other people; choices were made on parts
-of it with other identities, so it is the broader but not the blind figure.
+choice was made on them, but their blink gain was seen to fall short before the lids were tuned elsewhere.
+`cases("whole")` plays all of the recording on yet other people; choices were made on parts of it with other
+identities, so it is the broader but not the blind figure.
 """
 
 from __future__ import annotations
