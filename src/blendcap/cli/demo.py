@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import blendcap
 from blendcap.cli.answers import print_lines
 from blendcap.cli.progress import Progress
-from blendcap.cli.solve import bind_and_solve, summary, write_answers
+from blendcap.cli.solve import Outputs, bind_and_solve, summary, write_answers
 
 if TYPE_CHECKING:
     from blendcap.data import MarkerTake, Rig, Solution
@@ -51,8 +51,9 @@ def demo(*, out: Path = Path("demo"), seed: int = 1) -> None:
             path.write_text(json.dumps(places, indent=1), encoding="utf-8")
     settings = blendcap.SolveSettings(head="keep")  # the helmet takes the head's motion out
     binding, solution = bind_and_solve(rig, take, places, rom, settings, progress)
-    outputs = (out / "animation.csv", out / "animation.glb")
-    write_answers(rig, solution, binding, progress, outputs, preview=out / "preview.mp4", report=out / "report.html")
+    animations = (out / "animation.csv", out / "animation.glb")
+    outputs = Outputs(animations, preview=out / "preview.mp4", report=out / "report.html")
+    write_answers(rig, solution, binding, progress, outputs)
     facts = summary(take, solution, progress)
     print_lines(
         {key: facts[key] for key in ("frames", "rate", "markers", "rms_mm", "max_kkt")} | _errors(solution, truth, rig)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -17,33 +17,85 @@ PREVIEW_RATE, PREVIEW_SIZE = 30.0, (960, 540)
 PLACES_SIZE = (1920, 1080)  # room for the names of the markers
 
 if TYPE_CHECKING:
+    from blendcap import SolveSettings
     from blendcap.data import Animation, Binding, MarkerTake, Rig, Solution
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Outputs:
+    """The files to write."""
+
+    output: Annotated[tuple[Path, ...], Parameter(name=("--output", "-o"), negative=())]
+    """The animation to write: .csv, .livelink.csv, .glb or .npz; repeat -o for several."""
+    preview: Path | None = None
+    """A .mp4 or .gif of the answer with the markers on it, at most 30 frames a second; with --patches the markers alone
+    beside it."""
+    report: Path | None = None
+    """A self-contained .html page: figures, plots, warnings; with --patches what they changed."""
+    picture: Path | None = None
+    """A .png of the markers on the rig, with their names, to check the binding."""
+    write_places: Path | None = None
+    """A .json of where each marker was placed, in the form of --correspondences: correct it by hand, use it again."""
+
+    def check(self) -> None:
+        """Refuse what cannot be written, before the work."""
+        wanted = ((self.preview, VIDEOS), (self.report, PAGES), (self.picture, PICTURES), (self.write_places, PLACES))
+        for paths, endings in ((self.output, ANIMATIONS), *(((path,), endings) for path, endings in wanted)):
+            check_outputs(paths, endings)
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Choices:
+    """How to solve; what is None keeps the default of SolveSettings."""
+
+    method: Literal["learned", "paper", "live"] = "learned"
+    """learned: exact whole-take solve, prior learned from the take. paper: Eq. 3 of the 2016 paper. live: past only."""
+    smoothness: float | None = None
+    """Strength of the coupling of neighbouring frames: 1 is as learned, 0 none. Not with --method paper."""
+    beta: float | None = None
+    """The paper's β in mm²: the larger, the sparser and the more muted. Only with --method paper."""
+    coupling: float | None = None
+    """λ of λ |a_t - a_(t-1)|², in mm²; 0 is the paper's. Only with --method paper."""
+    influence: float | None = None
+    """Largest γ of Eq. 4 in mm²: how much a fully trusted curve counts. Only with --method paper."""
+    curve_error: float | None = None
+    """Standard deviation of a fully trusted curve: the smaller, the more it counts. Not with --method paper."""
+    helmet: Literal["rigid", "paper", "none"] = "rigid"
+    """Motion of the head rig: six signed unknowns, the thesis' twelve dummy shapes, or none."""
+    head: Literal["auto", "remove", "keep"] = "auto"
+    """Large head motion: removed if there is any, always, or never."""
+    stable: Annotated[tuple[str, ...], Parameter(negative=(), show_default=False)] = ()
+    """A marker that moves with the skull, by name; repeat it for at least three. Found from the take if not given."""
+
+    def settings(self) -> SolveSettings:
+        """As the library takes them; a choice of another method is refused by the name of its option."""
+        from blendcap.solving.settings import METHODS_OF
+
+        given = {name: value for name, value in asdict(self).items() if value is not None}
+        for name in given:
+            owners = METHODS_OF.get(name, (self.method,))
+            if self.method not in owners:
+                option, wanted = name.replace("_", "-"), " or ".join(owners)
+                raise blendcap.InputError(
+                    f"--{option} belongs to --method {wanted}, not to {self.method}; leave it out."
+                )
+        return blendcap.SolveSettings(**given)
 
 
 def solve(
     take: Path,
     /,
     *,
-    output: Annotated[tuple[Path, ...], Parameter(name=("--output", "-o"), negative=())],
+    outputs: Outputs,
     rig: Path,
     rom: Path | None = None,
     correspondences: Path | None = None,
     patches: Path | None = None,
     patches_offset: float | None = None,
-    influence: float | None = None,
-    curve_error: float | None = None,
     unit: Literal["m", "cm", "mm"] | None = None,
-    method: Literal["learned", "paper", "live"] = "learned",
-    smoothness: float | None = None,
-    beta: float | None = None,
-    coupling: float | None = None,
-    helmet: Literal["rigid", "paper", "none"] = "rigid",
-    head: Literal["auto", "remove", "keep"] = "auto",
-    stable: Annotated[tuple[str, ...], Parameter(negative=())] = (),
-    preview: Path | None = None,
-    report: Path | None = None,
-    picture: Path | None = None,
-    write_places: Path | None = None,
+    choices: Choices = Choices(),
     as_json: AsJson = False,
 ) -> None:
     """Solve a take: markers in, weights of the rig's shapes out.
@@ -52,8 +104,6 @@ def solve(
     ----------
     take
         The markers: .c3d, .trc or .csv. The first frames should be neutral.
-    output
-        The animation to write: .csv, .livelink.csv, .glb or .npz; repeat -o for several.
     rig
         The rig to drive: .glb, .npz, a folder of .obj files or an ICT-FaceKit folder.
     rom
@@ -65,47 +115,16 @@ def solve(
         A .csv of curves by shape names that makeup patches tell, from `blendcap facs predict`: the hybrid solve.
     patches_offset
         Seconds by which the video of the patches begins after the take; needed only if they differ in length.
-    influence
-        Largest γ of Eq. 4 in mm²: how much a fully trusted curve counts. Only with --method paper.
-    curve_error
-        Standard deviation of a fully trusted curve: the smaller, the more it counts. Not with --method paper.
     unit
-        The unit of the take, if the file does not say it.
-    method
-        learned: exact whole-take solve, prior learned from the take. paper: Eq. 3 of the 2016 paper. live: past only.
-    smoothness
-        Strength of the coupling of neighbouring frames: 1 is as learned, 0 none. Not with --method
-        paper.
-    beta
-        The paper's β in mm²: the larger, the sparser and the more muted. Only with --method paper.
-    coupling
-        λ of λ |a_t - a_(t-1)|², in mm²; 0 is the paper's. Only with --method paper.
-    helmet
-        Motion of the head rig: six signed unknowns, the thesis' twelve dummy shapes, or none.
-    head
-        Large head motion: removed if there is any, always, or never.
-    stable
-        A marker that moves with the skull, by name; repeat it for at least three. Found from the take if not given.
-    preview
-        A .mp4 or .gif of the answer with the markers on it, at most 30 frames a second; with --patches the markers
-        alone beside it.
-    report
-        A self-contained .html page: figures, plots, warnings; with --patches what they changed.
-    picture
-        A .png of the markers on the rig, with their names, to check the binding.
-    write_places
-        A .json of where each marker was placed, in the form of --correspondences: correct it by hand, use it again.
+        The unit of the take, in place of the one that the file states.
     as_json
         Print the answer as JSON.
     """
     from blendcap.io import read_animation, read_correspondences, read_markers, read_rig
     from blendcap.view.concerns import concerns
 
-    wanted = ((output, ANIMATIONS), ([preview], VIDEOS), ([report], PAGES), ([picture], PICTURES))
-    for paths, endings in (*wanted, ([write_places], PLACES)):
-        check_outputs(paths, endings)
-    chosen = {"smoothness": smoothness, "beta": beta, "coupling": coupling, "influence": influence}
-    settings = _settings(method, chosen | {"curve_error": curve_error}, helmet=helmet, head=head, stable=stable)
+    outputs.check()
+    settings = choices.settings()
     progress = Progress(quiet=as_json)
     with progress.step("read", "Read the rig and the take"):
         the_rig, the_take = read_rig(rig), read_markers(take, unit=unit)
@@ -115,19 +134,20 @@ def solve(
     hybrid = {"patches": curves, "patches_offset": patches_offset}
     binding, solution = bind_and_solve(the_rig, the_take, places, motion, settings, progress, **hybrid)
     beside = None
-    if curves is not None and (preview or report):
+    if curves is not None and (outputs.preview or outputs.report):
         with progress.step("alone", "Solve the markers alone, to compare") as tell:
             beside = blendcap.solve(the_rig, the_take, binding, settings=settings, progress=tell)
-    files = write_answers(
-        the_rig, solution, binding, progress, output, preview=preview, report=report, picture=picture,
-        places=write_places, alone=beside, patches=_shifted(curves, patches_offset),
-    )  # fmt: skip
-    facts = summary(the_take, solution, progress)
-    doubts = concerns(the_rig, solution, binding)
+    told = _shifted(curves, patches_offset)
+    files = write_answers(the_rig, solution, binding, progress, outputs, alone=beside, patches=told)
+    _say(summary(the_take, solution, progress), concerns(the_rig, solution, binding), files, as_json)
+
+
+def _say(facts: dict[str, Any], doubts: list[str], files: list[Path], as_json: bool) -> None:
+    written = [str(file) for file in files]
     if as_json:
-        print_json(facts | {"look_twice": doubts, "files": [str(f) for f in files]})
+        print_json(facts | {"look_twice": doubts, "files": written})
         return
-    print_lines({k: v for k, v in facts.items() if k != "rms_mm_per_marker"} | {"wrote": [str(f) for f in files]})
+    print_lines({k: v for k, v in facts.items() if k != "rms_mm_per_marker"} | {"wrote": written})
     for doubt in doubts:
         print(f"look twice: {doubt}")
 
@@ -153,12 +173,8 @@ def write_answers(
     solution: Solution,
     binding: Binding,
     progress: Progress,
-    output: tuple[Path, ...],
+    outputs: Outputs,
     *,
-    preview: Path | None = None,
-    report: Path | None = None,
-    picture: Path | None = None,
-    places: Path | None = None,
     alone: Solution | None = None,
     patches: Animation | None = None,
 ) -> list[Path]:
@@ -166,7 +182,8 @@ def write_answers(
     from blendcap import view
     from blendcap.io import write_animation, write_correspondences
 
-    for path in output:
+    picture, places, preview, report = outputs.picture, outputs.write_places, outputs.preview, outputs.report
+    for path in outputs.output:
         with progress.step("write", f"Write {path}"):
             write_animation(path, solution.animation, rig=rig)
     if picture is not None:
@@ -180,7 +197,7 @@ def write_answers(
             write_correspondences(places, binding.points)
     if preview is not None:
         _write_preview(preview, rig, solution, alone, progress)
-    files = [*output, *(path for path in (picture, places, preview) if path is not None)]
+    files = [*outputs.output, *(path for path in (picture, places, preview) if path is not None)]
     if report is not None:
         with progress.step("report", f"Write {report}"):
             steps = [f"Open {path.name}." for path in files]
@@ -218,18 +235,3 @@ def summary(take: MarkerTake, solution: Solution, progress: Progress) -> dict[st
         "unseen": list(solution.unseen),
         "seconds": progress.seconds,
     }
-
-
-def _settings(method: str, chosen: dict[str, float | None], **others: Any):
-    """Only what was asked for; the rest keeps the defaults of SolveSettings."""
-    from blendcap.solving.settings import METHODS_OF
-
-    given: dict[str, Any] = {"method": method, **others}
-    for name, value in chosen.items():
-        if value is None:
-            continue
-        if method not in METHODS_OF[name]:
-            option, wanted = name.replace("_", "-"), " or ".join(METHODS_OF[name])
-            raise blendcap.InputError(f"--{option} belongs to --method {wanted}, not to {method}; leave it out.")
-        given[name] = value
-    return blendcap.SolveSettings(**given)

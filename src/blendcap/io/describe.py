@@ -100,13 +100,10 @@ def _notes(path: str | os.PathLike) -> dict[str, Any]:
 
 def _model(path: str | os.PathLike) -> dict[str, Any] | None:
     """Kind and version of an archive of ours that is neither rig nor animation."""
-    arrays = npz_names(path)
-    if "meta" not in arrays:
-        return None
-    meta = read_meta(read_npz(path), path)
+    meta = read_meta(read_npz(path, "meta"), path)
     if meta.get("kind") in (None, "rig", "animation"):
         return None
-    return {"kind": "model", "of": meta["kind"], "version": meta.get("version"), "arrays": sorted(arrays)}
+    return {"kind": "model", "of": meta["kind"], "version": meta.get("version"), "arrays": sorted(npz_names(path))}
 
 
 def _surface(mesh: Mesh) -> dict[str, Any]:

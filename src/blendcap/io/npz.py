@@ -21,8 +21,8 @@ _BROKEN = (zipfile.BadZipFile, zlib.error, EOFError, OSError, RuntimeError)  # w
 _MOST_SQUEEZED = 1100  # deflate cannot squeeze more than about 1:1032
 
 
-def read_npz(path: str | os.PathLike) -> dict[str, np.ndarray]:
-    """All arrays of an archive by name; sizes are checked before memory is asked for, objects are refused."""
+def read_npz(path: str | os.PathLike, only: str | None = None) -> dict[str, np.ndarray]:
+    """All arrays of an archive by name, or the one; sizes are checked before memory is asked for, objects refused."""
     path = existing_file(path)
     with reading(path, ".npz archive"):
         try:
@@ -30,7 +30,7 @@ def read_npz(path: str | os.PathLike) -> dict[str, np.ndarray]:
                 return {
                     entry.filename.removesuffix(".npy"): _read_array(archive, entry)
                     for entry in archive.infolist()
-                    if entry.filename.endswith(".npy")
+                    if entry.filename.endswith(".npy") and only in (None, entry.filename.removesuffix(".npy"))
                 }
         except _BROKEN as error:
             raise InputError(f"Cannot read {path}: it is no whole .npz archive ({error}).") from error

@@ -15,9 +15,8 @@ from blendcap.makeup.patches import Patches, flows, laid_over
 from blendcap.makeup.units import ARKIT_TABLE
 from blendcap.numerics.smoothing import smooth
 
-# Seconds of the smoothing window. The papers' are 20 to 30 frames, here at 60 frames a second. On the tuning takes (24
-# and 30 frames a second) 0.35 s makes curves as smooth as the markers alone do and loses nothing; lids are quicker: at
-# 7/30 s a blink keeps 97 % of its height, at 0.43 s only 90 %.
+# Seconds of the smoothing window. The papers' are 20 to 30 frames, here at 60 frames a second. The others were chosen
+# on tuning takes: curves as smooth as the markers alone make them, and blinks that keep their height.
 WINDOWS: Mapping[str, float] = {"svm": 25 / 60, "intensity": 0.35}
 LID_WINDOW = 7 / 30
 LIDS = ("AU5", "AU43", "AU45", "AU63", "AU64")
