@@ -19,6 +19,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from scipy.ndimage import maximum_filter1d
 
 import blendcap
 from blendcap import Animation, Rig, SolveSettings
@@ -196,7 +197,7 @@ def _hits(said: np.ndarray, true: np.ndarray) -> str:
 
 def _near(flags: np.ndarray, frames: int) -> np.ndarray:
     """(T, ...) whether a flag is up within so many frames."""
-    return np.any([np.roll(flags, k, axis=0) for k in range(-frames, frames + 1)], axis=0)
+    return maximum_filter1d(flags, 2 * frames + 1, axis=0, mode="constant", cval=False)
 
 
 def hybrid(

@@ -1,6 +1,7 @@
 """From head-camera video to curves: train on one take, predict another, solve with it; and what is refused."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -14,8 +15,12 @@ from blendcap.cli.facs import _check_films
 from blendcap.data import Camera, InputError
 from blendcap.io import read_video, write_video
 from blendcap.io.cameras import read_cameras, write_cameras
+from blendcap.io.models import write_model
 from blendcap.io.turns import read_turns
+from blendcap.makeup.lesson import Lesson
+from blendcap.makeup.packing import KIND, VERSION, pack
 from blendcap.makeup.setup import Setup, locate
+from blendcap.makeup.training import train_classifier
 from blendcap.rendering.camera import look_at, project
 from blendcap.synthetic.exercises import action_units
 from blendcap.synthetic.head_camera import film_head, mount_head_camera
@@ -23,6 +28,7 @@ from blendcap.synthetic.makeup import draw_makeup
 from blendcap.synthetic.performer import make_performer
 from blendcap.synthetic.takes import make_take
 from blendcap.view.patches_film import TILE, write_patches_picture
+from toy_makeup import REGION, perform
 
 RATE, SIZE = 15.0, (480, 360)
 UNITS = ("1+2", "45")
@@ -103,6 +109,42 @@ def test_curves_from_video_make_the_solve_better(stage, rig, capsys):
         answer = blendcap.read_animation(stage / name).select(LIDS)
         errors.append(np.sqrt(((answer.weights - true) ** 2).mean()))
     assert errors[1] < 0.5 * errors[0]  # no marker sees the lids
+
+
+@pytest.fixture
+def weak(tmp_path, monkeypatch):
+    """Arguments of a prediction from ready patches by a machine that tells a blink as 0.6; the machine, the patches."""
+    lesson, shown, _ = perform(repetitions=3)
+    region = REGION._replace(units=("AU45", "AU4", "AU9"))
+    named = Lesson(np.where(shown.units == "AU1+2", "AU45", shown.units), shown.repetitions)
+    trained = train_classifier(lesson, named, regions=[region])
+    (model,) = trained.models
+    model = replace(model, weights=0.6 * model.weights, offsets=0.6 * model.offsets)
+    machine = replace(trained, models=[model])
+    write_model(tmp_path / "m.npz", KIND, VERSION, *pack(machine))
+    monkeypatch.setattr("blendcap.cli.facs._stage", lambda *_: ([], Setup({}, [], [])))
+    monkeypatch.setattr("blendcap.cli.facs._blocks", lambda *_: iter([lesson]))
+    needed = [word for option in ("--cameras", "--rig", "--take") for word in (option, "unused")]
+    return ["facs", "predict", "unused.mp4", *needed, "--model", str(tmp_path / "m.npz")], machine, lesson
+
+
+def test_options_of_a_prediction_reach_the_curves(weak, tmp_path):
+    command, machine, patches = weak
+    told = []
+    for words, choices in (
+        ([], {}),
+        (["--blinks-as-told"], {"full_blinks": False}),
+        (["--shown-only"], {"everywhere": False}),
+    ):
+        assert main([*command, "-o", str(tmp_path / "c.npz"), *words]) == 0
+        told.append(blendcap.read_animation(tmp_path / "c.npz"))
+        right = blendcap.classify(machine, patches, **choices)
+        np.testing.assert_allclose(told[-1].weights, right.weights, atol=1e-6)
+        np.testing.assert_allclose(told[-1].confidence, right.confidence, atol=1e-6)
+    default, as_told, quiet = told
+    lids = default.names.index("eyeBlinkLeft")
+    assert default.weights[:, lids].max() > 0.85 and 0.5 < as_told.weights[:, lids].max() < 0.7
+    assert quiet.confidence[0].max() < 0.05 < default.confidence[0].max()
 
 
 def test_cameras_come_back_from_their_file(tmp_path):
@@ -198,6 +240,29 @@ def test_patches_and_dots_are_found_by_the_markers(rig, bound):
         locate(rig, take, binding, helmet.cameras, [helmet.size] * 4, ["nobody"])
     with pytest.raises(InputError, match=r"sees \d of the stable markers"):
         locate(rig, take, binding, helmet.cameras, [helmet.size] * 4, stable[:1])
+
+
+@pytest.mark.parametrize(
+    ("factor", "sentence"),
+    [(0.001, '1000 times as long.*"unit": "m"'), (0.1, '10 times as long.*"cm"'), (1 / 25.4, '25.4 times.*"in"'),
+     (10, '0.1 times.*"mm"'), (1000, '0.001 times as long: .*"mm"')],
+)  # fmt: skip
+def test_cameras_in_another_unit_are_named_and_not_the_paint(rig, bound, factor, sentence):
+    take, binding = bound
+    helmet, cameras = mount_head_camera(rig, seed=1), []
+    for camera in helmet.cameras:
+        pose = camera.pose.copy()
+        pose[:3, 3] *= factor
+        cameras.append(replace(camera, pose=pose))
+    with pytest.raises(InputError, match=f"The cameras see no face where the markers are, but would.* {sentence}"):
+        locate(rig, take, binding, cameras, [helmet.size] * 4, [])
+
+
+def test_cameras_that_look_elsewhere_are_not_taken_for_another_unit(rig, bound):
+    take, binding = bound
+    away = Camera([[400, 0, 320], [0, 400, 240], [0, 0, 1]], look_at([0, 0, 300], [0, 0, 900]))
+    with pytest.raises(InputError, match="No camera has the patch 'forehead_right' in its picture"):
+        locate(rig, take, binding, [away], [(640, 480)], [])
 
 
 def test_video_of_another_length_is_refused(rig, bound, tmp_path, capsys):

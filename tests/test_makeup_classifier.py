@@ -11,7 +11,7 @@ from blendcap.data import Animation, InputError
 from blendcap.io.models import read_model, write_model
 from blendcap.makeup.augmentation import warped
 from blendcap.makeup.classifier import margin, tally
-from blendcap.makeup.curves import SHUT, WINDOWS, _with_full_blinks, classify
+from blendcap.makeup.curves import WINDOWS, classify
 from blendcap.makeup.features import COARSE, MOTION, SOFT, features, gabor, gabor_bank, motion
 from blendcap.makeup.intensity import measure_intensity
 from blendcap.makeup.labels import soft
@@ -78,13 +78,15 @@ def test_a_machine_is_linear_in_the_features_and_answers_for_unseen_takes(traine
 
 
 def test_another_person_is_recognized_once_laid_over_the_first(trained):
-    patches, _, truth = perform(repetitions=2, build=3.0, seed=6)
+    patches, _, truth = perform(repetitions=2, build=5.0, seed=6)
     curves = classify(trained, patches, table=TABLE)
     assert curves.names == ("browInnerUp", "browDownLeft", "noseSneerLeft")
-    scaled = truth * [1.0, 0.5, 1.0]
-    aligned = np.abs(curves.weights - scaled).mean()
-    plain = np.abs(classify(trained, patches, table=TABLE, aligned=False).weights - scaled).mean()
-    assert aligned < 0.05 and aligned < plain + 0.01
+    scaled, clear = truth * [1.0, 0.5, 1.0], truth.max(1) > 0.3
+    plain = classify(trained, patches, table=TABLE, aligned=False)
+    errors = [np.abs(told.weights - scaled).mean() for told in (curves, plain)]
+    right = [((told.weights / [1, 0.5, 1]).argmax(1) == truth.argmax(1))[clear].mean() for told in (curves, plain)]
+    assert errors[0] < 0.03 and errors[0] < 0.5 * errors[1]
+    assert right[0] > 0.99 and right[1] < 0.8
 
 
 def test_curves_are_smooth_bounded_and_say_how_sure_they_are(trained):
@@ -121,16 +123,6 @@ def test_lids_are_smoothed_less_than_brows(trained):
     )
     frames = 7 if trained.method == "intensity" else 13
     np.testing.assert_allclose(told.weights[:, 0], np.clip(savgol_filter(raw[:, 0], frames, 2), 0, 1), atol=1e-6)
-
-
-def test_the_strongest_blinks_of_a_take_shut_the_eyes_and_nothing_else_grows():
-    units, rise = ("AU45L", "AU45R", "AU4"), np.concatenate([np.zeros(50), np.sin(np.linspace(0, np.pi, 50))])
-    told = np.outer(rise, [0.6, 0.3, 0.6])
-    scaled = _with_full_blinks(told, units)
-    assert np.percentile(scaled[:, 0], 99) == pytest.approx(SHUT)
-    np.testing.assert_allclose(scaled[:, 0] * told[30:, 0].max(), told[:, 0] * scaled[30:, 0].max(), atol=1e-12)
-    np.testing.assert_array_equal(scaled[:, 1:], told[:, 1:])  # a lid that never shuts half, and a brow
-    np.testing.assert_array_equal(_with_full_blinks(np.outer(rise, [1.0, 0.95, 1.0]), units)[:, 0], rise)
 
 
 def test_no_patches_are_refused(trained):

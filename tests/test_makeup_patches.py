@@ -109,6 +109,18 @@ def test_paint_is_found_at_the_brightness_between_skin_and_paint():
     np.testing.assert_array_equal(paint(patch // 2, limit) == 255, patch == 200)
 
 
+def test_a_threshold_of_zero_is_a_threshold():
+    anything, bright, found = (cut([frame()], threshold=t).images["forehead"] == 255 for t in (0.0, 0.5, None))
+    assert anything.mean() > 0.5  # all that is brighter than what is around it
+    assert (anything >= bright).all() and 0.05 < bright.mean() < 0.2 and found.mean() < 0.2
+
+
+@pytest.mark.parametrize("threshold", [-0.1, np.nan, np.inf])
+def test_a_threshold_that_cannot_be_is_refused(threshold):
+    with pytest.raises(InputError, match=r"threshold of paint is .* must be 0 or more"):
+        cut([frame()], threshold=threshold)
+
+
 @pytest.mark.parametrize(
     ("videos", "sentence"),
     [

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from blendcap.data import Animation
     from blendcap.io.cameras import Cameras
     from blendcap.io.video import Video
+    from blendcap.makeup.lesson import Lesson
     from blendcap.makeup.patches import Patches
     from blendcap.makeup.setup import Setup
 
@@ -92,27 +93,17 @@ def train(
     as_json
         Print the answer as JSON.
     """
-    from blendcap.io import read_animation
     from blendcap.io.models import write_model
-    from blendcap.io.turns import read_turns
-    from blendcap.makeup.lesson import Lesson
     from blendcap.makeup.packing import KIND, VERSION, pack
-    from blendcap.makeup.patches import collect
     from blendcap.makeup.units import ARKIT_TABLE
 
     check_outputs([output], MODELS)
     _check_takes(videos, take, turns, weights)
     shapes, each = ARKIT_TABLE if table is None else _table(table), len(videos) // len(take)
     progress = Progress(quiet=as_json)
-    patches, lessons = [], []
-    for k, one in enumerate(take):
-        with progress.step("read", f"Read {one}"):
-            spans = read_turns(turns[k])
-            solved = read_animation(weights[k]) if weights else None
-            films, setup = _stage(videos[k * each : (k + 1) * each], one, footage)
-        cut = collect(_blocks(films, setup, footage.threshold, progress))
-        patches.append(cut)
-        lessons.append(Lesson.of_spans(spans, len(cut.sure), cut.rate, solved))
+    films = [videos[k * each : (k + 1) * each] for k in range(len(take))]
+    taught = zip(films, take, turns, weights or [None] * len(take), strict=True)
+    patches, lessons = zip(*(_lesson(*one, footage, progress) for one in taught), strict=True)
     frames = sum(len(cut.sure) for cut in patches)
     with progress.step("train", f"Train on {frames:,} frames"):
         classifier = blendcap.train_classifier(
@@ -127,6 +118,23 @@ def train(
         "seconds": progress.seconds,
     }
     (print_json if as_json else print_lines)(facts)
+
+
+def _lesson(
+    videos: Sequence[Path], take: Path, turns: Path, weights: Path | None, footage: Footage, progress: Progress
+) -> tuple[Patches, Lesson]:
+    """The patches of a take, and what the performer did."""
+    from blendcap.io import read_animation
+    from blendcap.io.turns import read_turns
+    from blendcap.makeup.lesson import Lesson
+    from blendcap.makeup.patches import collect
+
+    with progress.step("read", f"Read {take}"):
+        spans = read_turns(turns)
+        solved = None if weights is None else read_animation(weights)
+        films, setup = _stage(videos, take, footage)
+    cut = collect(_blocks(films, setup, footage.threshold, progress))
+    return cut, Lesson.of_spans(spans, len(cut.sure), cut.rate, solved)
 
 
 @facs.command

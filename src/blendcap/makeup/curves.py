@@ -5,11 +5,12 @@ Sections 7.2 and 7.2.4 of Reading Between the Dots (2016), 4.1.8 and 4.1.12 of t
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
 from blendcap.data import Animation, InputError
+from blendcap.makeup.blinks import with_full_blinks
 from blendcap.makeup.classifier import PatchClassifier
 from blendcap.makeup.patches import Patches, flows, laid_over
 from blendcap.makeup.units import ARKIT_TABLE
@@ -21,8 +22,6 @@ WINDOWS: Mapping[str, float] = {"svm": 25 / 60, "intensity": 0.35}
 LID_WINDOW = 7 / 30
 LIDS = ("AU5", "AU43", "AU45", "AU63", "AU64")
 INFLUENCE_WINDOW = 15 / 60  # seconds over which the influence rises and falls
-SHUT = 0.9  # what the strongest hundredth of a take's blinks is put at
-BLINKS = 0.45  # a take whose lids are never told to close by this much does not blink
 LEAST_FRAMES = 5  # of a window: a parabola through three frames smooths nothing
 SURE = 0.1  # an intensity that errs by no more than this is fully trusted
 SHOWN = 0.05  # an intensity below is rest
@@ -53,7 +52,7 @@ def classify(
         Let the curves speak at rest too (a lid that is open is as well seen as one that is shut). If not, their
         influence is zero where no unit is seen, as in the papers, and the markers rule.
     full_blinks : bool
-        Put each lid's curve on the performer's own scale: a take's strongest blinks shut the eyes. Another face shows
+        Put the lids' curves on the performer's own scale: a take's strongest blinks shut the eyes. Another face shows
         the teacher's blink more weakly. The papers' machine tells classes and is left alone.
 
     Returns
@@ -75,7 +74,7 @@ def classify(
     intensity, probability, rate = _answers(classifier, blocks, aligned)
     intensity = _smoothed(intensity, classifier, rate)
     if full_blinks and classifier.method == "intensity":
-        intensity = _with_full_blinks(intensity, classifier.units)
+        intensity = with_full_blinks(intensity, classifier.units)
     errors = np.concatenate([model.errors for model in classifier.models])
     trust = np.minimum(1, (SURE / np.maximum(errors, 1e-6)) ** 2) * probability
     if not everywhere:
@@ -92,14 +91,6 @@ def _smoothed(intensity: np.ndarray, classifier: PatchClassifier, rate: float) -
     if classifier.method == "intensity" and quick:
         result[:, quick] = smooth(intensity[:, quick], rate, _window(LID_WINDOW, rate))
     return np.clip(result, 0, 1)
-
-
-def _with_full_blinks(intensity: np.ndarray, units: Sequence[str]) -> np.ndarray:
-    """Intensities (T, U) whose blinks, if there are any, reach `SHUT`; at most doubled, never less."""
-    top = np.percentile(intensity, 99, axis=0)
-    blinks = np.array([unit.rstrip("LR") in ("AU43", "AU45") for unit in units]) & (top > BLINKS)
-    gain = np.where(blinks, np.maximum(SHUT / np.maximum(top, BLINKS), 1), 1)
-    return np.clip(intensity * gain, 0, 1)
 
 
 def _window(seconds: float, rate: float) -> float:

@@ -104,8 +104,10 @@ def each_block(
     Raises
     ------
     InputError
-        If there is no frame, the cameras' videos differ in length, or a patch shows no paint.
+        If there is no frame, the videos differ in length, a patch shows no paint, or the threshold is negative.
     """
+    if threshold is not None and not 0 <= threshold < np.inf:
+        raise InputError(f"The threshold of paint is {threshold:g}, but must be 0 or more; leave it out to find one.")
     cutters = [_Cutter(view, places, anchors[view], threshold) for view in range(len(videos))]
     neutral: dict[str, np.ndarray] = {}
     for t, frames in enumerate(_together(videos)):
@@ -173,7 +175,7 @@ class _Cutter:
             warp = patch_warp(corners @ matrix[:, :2].T + matrix[:, 2])
             patch = cut_out(frame, warp)
             if first:
-                self.limits[name] = self.threshold or paint_threshold(patch, name)
+                self.limits[name] = paint_threshold(patch, name) if self.threshold is None else self.threshold
             self.images[name].append(paint(patch, self.limits[name], _inside(dots, warp), radius * _zoom(warp)))
 
 

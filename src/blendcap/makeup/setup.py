@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +14,8 @@ from blendcap.rendering import project
 
 FACING = 0.35  # cosine between skin and camera from which on a dot is round enough to follow
 BORDER = 12  # pixels between a dot that is followed and the border of the picture
+LEAST_FACE, FACE = 0.08, 0.25  # of the picture's height: no face is seen that is smaller; one before a head camera is
+UNITS = {10.0: "cm", 25.4: "in", 1000.0: "m", 0.1: "mm", 1 / 25.4: "mm", 0.001: "mm"}  # what lengths are, by factor
 
 
 class Setup(NamedTuple):
@@ -54,9 +57,11 @@ def locate(
     Raises
     ------
     InputError
-        If the rig has no landmarks, a stable marker is unknown, or a camera sees fewer than two of them.
+        If the rig has no landmarks, a stable marker is unknown, a camera sees fewer than two of them, or the cameras'
+        lengths are in another unit than the take's.
     """
     marks = binding.to_take(landmarks68(rig).positions(rig.mesh))
+    _check_unit(marks, cameras, sizes)
     places = seen_patches(marks, list(cameras), list(sizes))
     used = {view for view, _ in places.values()}
     rest = binding.to_take(binding.points.positions(rig.mesh) + binding.offsets)
@@ -77,6 +82,31 @@ def locate(
     known = np.nan_to_num(take.positions)
     dots = [np.where(take.missing[..., None], np.nan, project(known, camera)[0]) for camera in cameras]
     return Setup(places, anchors, dots)
+
+
+def _check_unit(marks: np.ndarray, cameras: Sequence[Camera], sizes: Sequence[tuple[int, int]]) -> None:
+    """Refuse cameras that see no face, but would in another unit: the paint is not at fault."""
+    if _largest_face(marks, cameras, sizes, 1.0) >= LEAST_FACE:
+        return
+    faces = {factor: _largest_face(marks, cameras, sizes, factor) for factor in UNITS}
+    best = max(faces, key=lambda factor: faces[factor])
+    if faces[best] >= FACE:
+        raise InputError(
+            f"The cameras see no face where the markers are, but would if their poses' lengths were {best:g} times as "
+            f'long: their unit is wrong; give it in the camera file, probably "unit": "{UNITS[best]}".'
+        )
+
+
+def _largest_face(marks: np.ndarray, cameras: Sequence[Camera], sizes, factor: float) -> float:
+    """How large the landmarks are in the picture where they are largest, in its heights; 0 where half are outside."""
+    seen = [0.0]
+    for camera, size in zip(cameras, sizes, strict=True):
+        pose = camera.pose.copy()
+        pose[:3, 3] *= factor
+        pixels, depth = project(marks, replace(camera, pose=pose))
+        inside = (depth > 0) & (pixels > 0).all(1) & (pixels < size).all(1)
+        seen.append(float(np.ptp(pixels[inside], axis=0).max()) / size[1] if inside.mean() > 0.5 else 0.0)
+    return max(seen)
 
 
 def _normals(rig: Rig, binding: Binding) -> np.ndarray:

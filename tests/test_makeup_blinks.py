@@ -1,0 +1,84 @@
+"""Blinks on the performer's own scale: what the gain rests on, and what it must not depend on."""
+
+import numpy as np
+import pytest
+
+from blendcap.makeup.blinks import FEWEST, SHUT, blink_heights, with_full_blinks
+
+UNITS = ("AU45L", "AU4", "AU45R")
+REST = np.zeros((60, 3))
+
+
+def take(heights, sides=(1.0, 0.5, 1.0), seed=0) -> np.ndarray:
+    """(T, 3) blinks of these heights, from rest to rest, over a little noise."""
+    hump = np.sin(np.linspace(0, np.pi, 9)) ** 2
+    track = np.concatenate([np.r_[np.zeros(20), height * hump, np.zeros(20)] for height in heights])
+    told = np.outer(track, sides)
+    return np.clip(told + np.random.default_rng(seed).normal(scale=0.01, size=told.shape) * (told > 0), 0, 1)
+
+
+def gain_of(told: np.ndarray) -> float:
+    scaled = with_full_blinks(told, UNITS)
+    some = (told[:, 0] > 0.1) & (scaled[:, 0] < 1)
+    ratios = scaled[some, 0] / told[some, 0]
+    np.testing.assert_allclose(ratios, ratios[0])
+    return float(ratios[0])
+
+
+def test_the_strongest_blinks_shut_both_eyes_and_nothing_else_grows():
+    told = take([0.5, 0.6, 0.55, 0.6], sides=(1.0, 1.0, 0.9))
+    scaled = with_full_blinks(told, UNITS)
+    assert blink_heights(scaled[:, [0, 2]]).max() == pytest.approx(SHUT)
+    np.testing.assert_array_equal(scaled[:, 1], told[:, 1])
+    # One gain: the side that closes less still does.
+    np.testing.assert_allclose(scaled[:, 2], gain_of(told) * told[:, 2], atol=1e-12)
+
+
+def test_the_gain_does_not_depend_on_the_length_of_the_take():
+    told = take([0.5, 0.62, 0.3, 0.55])
+    gain, lengths = gain_of(told), []
+    assert 1.3 < gain < 1.6
+    for other in (
+        np.concatenate([told] + [REST] * 100),
+        np.concatenate([REST, told]),
+        np.concatenate([told] * 7),
+        told[::-1],
+        told[:, ::-1],
+    ):
+        assert gain_of(other) == gain
+        lengths.append(len(other))
+    assert max(lengths) > 30 * len(told)
+
+
+def test_exchanged_sides_give_exchanged_answers():
+    told = take([0.5, 0.62, 0.55], sides=(1.0, 0.2, 0.7))
+    np.testing.assert_array_equal(with_full_blinks(told[:, ::-1], UNITS), with_full_blinks(told, UNITS)[:, ::-1])
+
+
+@pytest.mark.parametrize(
+    "told",
+    [
+        take([0.6] * (FEWEST - 1)),
+        take([0.4] * 9),  # lids that never close by half
+        take([0.95, 1.0, 0.93]),  # they shut as they are
+        take([0.9] * 9, sides=(1.0, 0.0, 0.2)),  # winks
+        np.concatenate([np.full((50, 3), 0.6)] * FEWEST) + 0.02 * np.sin(np.arange(50 * FEWEST))[:, None],  # half shut
+        np.zeros((0, 3)),
+    ],
+    ids=["few", "shallow", "full", "winks", "half shut", "empty"],
+)
+def test_without_blinks_that_tell_a_scale_nothing_changes(told):
+    np.testing.assert_array_equal(with_full_blinks(told, UNITS), told)
+
+
+def test_winks_do_not_change_the_gain_of_the_blinks():
+    blinks, winks = take([0.6, 0.62, 0.58]), take([0.9] * 5, sides=(1.0, 0.0, 0.1))
+    both = np.concatenate([blinks, winks])
+    np.testing.assert_array_equal(with_full_blinks(both, UNITS)[: len(blinks)], with_full_blinks(blinks, UNITS))
+    assert gain_of(both[: len(blinks)]) > 1.3
+
+
+def test_one_lid_for_both_sides_and_no_lid_at_all():
+    told = take([0.6] * 4)
+    assert with_full_blinks(told[:, :1], ("AU43",)).max() == pytest.approx(SHUT, abs=0.02)
+    np.testing.assert_array_equal(with_full_blinks(told[:, :2], ("AU4", "AU9L")), told[:, :2])
