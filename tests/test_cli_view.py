@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from blendcap import Animation, Rig, read_video, write_animation, write_rig
+from blendcap import Animation, Mesh, Rig, read_animation, read_video, write_animation, write_rig
 from blendcap.cli import main
 from blendcap.io import write_video
 from blendcap.view.beside_film import pictures_at
-from blendcap.view.sheet import contact_sheet
+from blendcap.view.sheet import contact_sheet, reach
 from blendcap.view.still import still
 from sheet import sheet_rig
 
@@ -97,3 +97,49 @@ def test_what_does_not_go_together_is_one_sentence(folder, capsys, arguments, se
     said = capsys.readouterr().err
     assert sentence in said and said.count("\n") == 1
     assert not list(folder.glob("x.*"))
+
+
+def test_the_frame_that_is_shown_is_said(capsys):
+    assert main(["view", "face.npz", "take.csv", "-o", "frame.png"]) == 0
+    said = capsys.readouterr().out
+    assert said.endswith("Open frame.png: frame 6 of 0 to 9, 0.24 s, the farthest from neutral.\n")
+    assert main(["view", "face.npz", "take.csv", "-o", "frame.png", "--frame", "2"]) == 0
+    assert capsys.readouterr().out.endswith("Open frame.png: frame 2 of 0 to 9, 0.08 s.\n")
+
+
+def test_unknown_weights_are_said_and_not_drawn_in_silence(folder, capsys):
+    animation = read_animation("take.csv")
+    weights = animation.weights.copy()
+    weights[3:6, :2] = np.nan
+    weights[8] = np.nan
+    write_animation(folder / "gaps.csv", replace(animation, weights=weights))
+    unknown = {
+        ("gaps.mp4",): "Weights of all shapes are unknown in 4 frames from 3 to 8; the pictures show them at rest.",
+        ("one.png", "--frame", "4"): f"Weights of 2 shapes ({', '.join(animation.names[:2])}) are unknown in frame 4;",
+        ("none.png", "--frame", "7"): "",
+    }
+    for arguments, sentence in unknown.items():
+        assert main(["view", "face.npz", "gaps.csv", "-o", *arguments]) == 0
+        said = capsys.readouterr().err
+        assert sentence in said and said.count("warning") == bool(sentence)
+
+
+def test_a_cell_is_redder_where_its_shape_moves_the_face():
+    rig, cell = sheet_rig(), 200
+    sheet = contact_sheet(rig, columns=1, cell=cell).reshape(-1, round(1.2 * cell), cell, 3).astype(int)
+    small = sheet[3:, -72:, -60:]  # of each shape
+    for name, red in zip(rig.names, small[..., 0] - small[..., 1] > 60, strict=True):
+        columns = np.flatnonzero(red.any(0))
+        assert len(columns), name
+        if name.startswith(("brow", "mouthSmile")) and name.endswith(("Left", "Right")):
+            assert (columns.mean() > 30) == name.endswith("Left")  # the subject's left is to the right
+
+
+def test_a_cell_is_filled_by_what_moves_and_not_by_the_skull():
+    rig = sheet_rig()
+    skull = np.array([[-300.0, 400, -300], [300, 400, -300], [0, -400, -300]])
+    mesh = Mesh(np.concatenate([rig.mesh.vertices, skull]), rig.mesh.faces)
+    larger = Rig(mesh, np.pad(rig.deltas, ((0, 0), (0, 3), (0, 0))), rig.names)
+    np.testing.assert_array_equal(reach(larger), reach(rig))
+    lowest = (rig.mesh.vertices + rig.deltas[rig.index("jawOpen")])[:, 1].min()
+    assert reach(rig)[:, 1].min() <= lowest + 3 and reach(rig)[:, 0].max() < rig.mesh.vertices[:, 0].max()

@@ -10,7 +10,15 @@ from blendcap.data import Animation, InputError, Mesh, Rig, SurfacePoints, trian
 from blendcap.io.images import png, write_image
 from blendcap.io.video_write import write_video
 from blendcap.rendering import project
-from blendcap.view import marker_heat, vertex_error, write_contact_sheet, write_heatmap, write_preview, write_still
+from blendcap.view import (
+    Film,
+    marker_heat,
+    vertex_error,
+    write_contact_sheet,
+    write_heatmap,
+    write_preview,
+    write_still,
+)
 from blendcap.view.heatmap import SCALE, heat_colors, heatmap
 from blendcap.view.image import draw_text
 from blendcap.view.posing import framed_vertices, side_by_side, weights_on
@@ -55,7 +63,7 @@ def film(path):
 def test_preview_has_the_frames_rate_and_size_it_should(rig, animation, tmp_path):
     told = []
     path = tmp_path / "face.mp4"
-    count = write_preview(path, rig, animation, size=(192, 108), title="a", progress=lambda *done: told.append(done))
+    count = write_preview(path, rig, animation, Film((192, 108), title="a"), progress=lambda *done: told.append(done))
     frames, rate = film(path)
     assert count == len(frames) == 7
     assert rate == pytest.approx(24)
@@ -70,20 +78,20 @@ def test_preview_has_the_frames_rate_and_size_it_should(rig, animation, tmp_path
 
 
 def test_preview_shows_one_of_so_many_frames(rig, animation, tmp_path):
-    chosen = {"size": (96, 54), "yaws": (0.0,)}
-    write_preview(tmp_path / "all.png", rig, animation, **chosen)
-    assert write_preview(tmp_path / "some.mp4", rig, animation, every=3, **chosen) == 3
+    whole, some = Film((96, 54), (0.0,)), Film((96, 54), (0.0,), every=3)
+    write_preview(tmp_path / "all.png", rig, animation, whole)
+    assert write_preview(tmp_path / "some.mp4", rig, animation, some) == 3
     assert film(tmp_path / "some.mp4")[1] == pytest.approx(8)
-    write_preview(tmp_path / "some.png", rig, animation, every=3, **chosen)
+    write_preview(tmp_path / "some.png", rig, animation, some)
     for t in range(3):
-        some, whole = (cv2.imread(str(tmp_path / f"{n}.{f:04d}.png")) for n, f in (("some", t), ("all", 3 * t)))
-        np.testing.assert_allclose(some.astype(int), whole, atol=6)  # its words too: they name the animation's frame
+        one, same = (cv2.imread(str(tmp_path / f"{n}.{f:04d}.png")) for n, f in (("some", t), ("all", 3 * t)))
+        np.testing.assert_allclose(one.astype(int), same, atol=6)  # its words too: they name the animation's frame
 
 
 def test_preview_as_gif_and_as_sequence(rig, animation, tmp_path):
-    assert write_preview(tmp_path / "face.gif", rig, animation, size=(96, 54)) == 7
+    assert write_preview(tmp_path / "face.gif", rig, animation, Film((96, 54))) == 7
     assert len(film(tmp_path / "face.gif")[0]) == 7
-    assert write_preview(tmp_path / "face.png", rig, animation, size=(96, 54), yaws=(0.3,)) == 7
+    assert write_preview(tmp_path / "face.png", rig, animation, Film((96, 54), (0.3,))) == 7
     files = sorted(path.name for path in tmp_path.glob("face.*.png"))
     assert files == [f"face.{t:04d}.png" for t in range(7)]
     assert cv2.imread(str(tmp_path / files[3])).shape == (54, 96, 3)
@@ -91,14 +99,14 @@ def test_preview_as_gif_and_as_sequence(rig, animation, tmp_path):
 
 def test_the_same_film_twice_is_the_same_file(rig, animation, tmp_path):
     for name in ("a.mp4", "b.mp4"):
-        write_preview(tmp_path / name, rig, animation, size=(96, 64))
+        write_preview(tmp_path / name, rig, animation, Film((96, 64)))
     assert (tmp_path / "a.mp4").read_bytes() == (tmp_path / "b.mp4").read_bytes()
 
 
 def test_markers_are_drawn_where_they_are(rig, animation, tmp_path):
     place = np.tile(rig.mesh.vertices[[100, 210]], (7, 1, 1))
     place[:, 1] = np.nan
-    write_preview(tmp_path / "face.png", rig, animation, size=(200, 200), yaws=(0.0,), targets=place)
+    write_preview(tmp_path / "face.png", rig, animation, Film((200, 200), (0.0,)), targets=place)
     camera, _ = side_by_side(rig, (200, 200), (0.0,))[0]
     x, y = np.round(project(place[0, 0], camera)[0]).astype(int)
     picture = cv2.imread(str(tmp_path / "face.0000.png"))[..., ::-1].astype(int)
@@ -118,7 +126,7 @@ def test_markers_are_drawn_where_they_are(rig, animation, tmp_path):
 )
 def test_films_that_cannot_be_written_are_refused(rig, animation, tmp_path, name, size, said):
     with pytest.raises(InputError, match=re.escape(said)):
-        write_preview(tmp_path / name, rig, animation, size=size)
+        write_preview(tmp_path / name, rig, animation, Film(size))
     assert not list(tmp_path.iterdir())
 
 
@@ -232,7 +240,7 @@ def test_marker_heat_crosses_a_seam_of_the_texture(rig):
 
 def test_openness_between_key_frames_is_that_of_the_frame_to_the_eye(rig, tmp_path):
     sway = Animation(0.5 - 0.5 * np.cos(np.arange(31) / 5)[:, None], ("jawOpen",), 60.0)
-    write_preview(tmp_path / "face.png", rig, sway, size=(160, 160), yaws=(0.0,))
+    write_preview(tmp_path / "face.png", rig, sway, Film((160, 160), (0.0,)))
     for t in (0, 4, 6, 15, 29, 30):
         film = cv2.imread(str(tmp_path / f"face.{t:04d}.png"))[:140, :, ::-1].astype(int)
         exact = still(rig, weights_on(rig, sway)[t], size=(160, 160), yaws=(0.0,))[:140]

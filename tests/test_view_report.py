@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from blendcap.data import Animation, Binding, Certificate, InputError, Mesh, Rig, Solution, SurfacePoints, triangulate
-from blendcap.view import plots, write_comparison, write_plot, write_report
+from blendcap.view import Film, plots, write_comparison, write_plot, write_report
 from blendcap.view.comparison import comparison
 from blendcap.view.comparison import plot_comparison as plots_of
 from blendcap.view.concerns import concerns
@@ -289,7 +289,7 @@ def test_the_markers_alone_stand_beside_the_hybrid_solve(rig, solution, tmp_path
     assert "What the patches changed" not in (tmp_path / "alone.html").read_text(encoding="utf-8")
     film = tmp_path / "both.gif"
     short = [Animation(a.weights[:3], a.names, a.rate) for a in (solution.animation, changed)]
-    assert write_comparison(film, rig, *short, size=(160, 90)) == 3 and film.stat().st_size > 0
+    assert write_comparison(film, rig, *short, Film((80, 90), (0.0,))) == 3 and film.stat().st_size > 0
     with pytest.raises(InputError, match="have 3 and 40 frames; compare two of the same take"):
         write_comparison(film, rig, short[0], changed)
 

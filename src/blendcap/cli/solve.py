@@ -210,16 +210,17 @@ def write_answers(
 
 def _write_preview(path: Path, rig: Rig, solution: Solution, alone: Solution | None, progress: Progress) -> None:
     """A video with at most 30 frames a second: what an eye needs in half the time."""
-    from blendcap.view import write_comparison, write_preview
+    from blendcap.view import Film, write_comparison, write_preview
 
-    whole = solution.animation
-    every = max(1, round(whole.rate / PREVIEW_RATE))
-    with progress.step("preview", f"Write {path}", total=-(-len(whole.weights) // every)) as tell:
-        chosen = {"size": PREVIEW_SIZE, "every": every, "progress": tell}
+    whole, (width, height) = solution.animation, PREVIEW_SIZE
+    film = Film(PREVIEW_SIZE, every=max(1, round(whole.rate / PREVIEW_RATE)))
+    with progress.step("preview", f"Write {path}", total=film.count(whole)) as tell:
         if alone is not None:
-            write_comparison(path, rig, alone.animation, whole, **chosen)
+            half = replace(film, size=(width // 2, height), yaws=(0.0,))
+            write_comparison(path, rig, alone.animation, whole, half, progress=tell)
         else:
-            write_preview(path, rig, whole, targets=solution.targets, fitted=solution.fitted, **chosen)
+            marked = {"targets": solution.targets, "fitted": solution.fitted}
+            write_preview(path, rig, whole, film, **marked, progress=tell)
 
 
 def summary(take: MarkerTake, solution: Solution, progress: Progress) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from blendcap.io.video import Video
 
 FILM_RATE, FILM_SIZE = 30.0, (960, 540)  # at most so many frames a second; pixels
+FACE_SIZE = (486, 540)  # beside a film
 
 
 def view(
@@ -38,7 +40,7 @@ def view(
         Weights over time. Other spellings of the rig's shapes are matched; shapes that it lacks are left out.
     output
         .png: all shapes of the rig, or one frame of the animation. .mp4 or .gif: the animation. If not given, a file
-        beside you, named after the animation or the rig.
+        in the folder where you are, named after the animation or the rig.
     video
         A film of the performance, shown beside the animated face.
     offset
@@ -54,12 +56,18 @@ def view(
         the_rig = blendcap.read_rig(rig)
         curves = None if animation is None else _on_rig(blendcap.read_animation(animation), the_rig)
         film = None if video is None else blendcap.read_video(video)
-    if curves is None or target.suffix.lower() in PICTURES:
+    shown = ""
+    if curves is None:
+        from blendcap.view import write_contact_sheet
+
         with progress.step("picture", f"Write {target}"):
-            _write_picture(target, the_rig, curves, frame)
+            write_contact_sheet(target, the_rig)
+    elif target.suffix.lower() in PICTURES:
+        with progress.step("picture", f"Write {target}"):
+            shown = _write_frame(target, the_rig, curves, frame)
     else:
         _write_film(target, the_rig, curves, film, offset, progress)
-    print(f"Open {target}.")
+    print(f"Open {target}{shown}.")
 
 
 def _check_use(target: Path, animation: Path | None, video: Path | None, offset: float, frame: int | None) -> None:
@@ -79,31 +87,32 @@ def _on_rig(animation: Animation, rig: Rig) -> Animation:
     return in_vocabulary(animation, rig.names)
 
 
-def _write_picture(path: Path, rig: Rig, animation: Animation | None, frame: int | None) -> None:
-    """All shapes of a rig, or one frame of an animation."""
-    from blendcap.view import write_contact_sheet, write_still
-    from blendcap.view.posing import weights_on
+def _write_frame(path: Path, rig: Rig, animation: Animation, frame: int | None) -> str:
+    """Write one frame of an animation; returns which it is, in words."""
+    from blendcap.view import write_still
+    from blendcap.view.posing import warn_of_unknown, weights_on
 
-    if animation is None:
-        write_contact_sheet(path, rig)
-        return
     weights = weights_on(rig, animation)
     last = len(weights) - 1
     if frame is not None and not 0 <= frame <= last:
         raise blendcap.InputError(f"There is no frame {frame}; the animation has the frames 0 to {last}.")
-    write_still(path, rig, weights[(weights**2).sum(1).argmax() if frame is None else frame])
+    chosen = int((weights**2).sum(1).argmax()) if frame is None else frame
+    warn_of_unknown(animation, [chosen])
+    write_still(path, rig, weights[chosen])
+    why = ", the farthest from neutral" if frame is None else ""
+    return f": frame {chosen} of 0 to {last}, {animation.times[chosen]:.2f} s{why}"
 
 
 def _write_film(
     path: Path, rig: Rig, animation: Animation, video: Video | None, offset: float, progress: Progress
 ) -> None:
     """The animation by itself, or beside the film of the performance."""
-    from blendcap.view import write_beside_film, write_preview
+    from blendcap.view import Film, write_beside_film, write_preview
 
-    every = max(1, round(animation.rate / FILM_RATE))
-    with progress.step("film", f"Write {path}", total=-(-len(animation.weights) // every)) as tell:
+    film = Film(FILM_SIZE, title=rig.name, every=max(1, round(animation.rate / FILM_RATE)))
+    with progress.step("film", f"Write {path}", total=film.count(animation)) as tell:
         if video is None:
-            write_preview(path, rig, animation, size=FILM_SIZE, title=rig.name, every=every, progress=tell)
+            write_preview(path, rig, animation, film, progress=tell)
         else:
-            height = FILM_SIZE[1]
-            write_beside_film(path, rig, animation, video, offset=offset, height=height, every=every, progress=tell)
+            face = replace(film, size=FACE_SIZE, yaws=(0.0,), title="")
+            write_beside_film(path, rig, animation, video, face, offset=offset, progress=tell)

@@ -84,6 +84,12 @@ class Surface:
         table, relief = _formed(self.table, vertices, self.faces, sky), self.relief.posed(vertices, self.faces)
         return replace(self, vertices=vertices, table=table, relief=relief)
 
+    def painted(self, color: np.ndarray) -> Surface:
+        """The same surface in other colors, (3,) or (V, 3), sRGB 0 to 1, without its texture."""
+        table = self.table.copy()
+        table[:, COLOR : COLOR + 3] = to_linear(np.asarray(color, dtype=np.float64))
+        return replace(self, table=table, texture=NONE)
+
     def picture(self, camera: Camera, size: tuple[int, int], *, light: Light | None = None, background=None):
         """Picture (H, W, 3) uint8, sRGB; see `render`."""
         light = light or Light()

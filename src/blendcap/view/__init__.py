@@ -9,6 +9,7 @@ import importlib
 from typing import TYPE_CHECKING
 
 _HOMES = {
+    "Film": "film",
     "marker_heat": "heatmap",
     "vertex_error": "heatmap",
     "write_beside_film": "beside_film",
@@ -27,6 +28,7 @@ __all__ = list(_HOMES)  # pyright: ignore[reportUnsupportedDunderAll]
 if TYPE_CHECKING:
     from blendcap.view.beside_film import write_beside_film as write_beside_film
     from blendcap.view.comparison import write_comparison as write_comparison
+    from blendcap.view.film import Film as Film
     from blendcap.view.heatmap import marker_heat as marker_heat
     from blendcap.view.heatmap import vertex_error as vertex_error
     from blendcap.view.heatmap import write_heatmap as write_heatmap

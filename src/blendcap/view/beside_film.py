@@ -11,8 +11,9 @@ import numpy as np
 from blendcap.data import Animation, InputError, Rig
 from blendcap.io.video import Video
 from blendcap.io.video_write import write_video
-from blendcap.view.preview import one_of, picture_frames
+from blendcap.view.film import Film, pictures, told
 
+FACE = Film((486, 540), (0.0,))  # how the face is shown beside a film
 WIDEST = 16 / 9  # of a film's picture; a wider one is fitted in
 
 
@@ -21,10 +22,9 @@ def write_beside_film(
     rig: Rig,
     animation: Animation,
     video: Video,
+    film: Film = FACE,
     *,
     offset: float = 0.0,
-    height: int = 540,
-    every: int = 1,
     progress: Callable[[int, int], None] | None = None,
 ) -> int:
     """Write a film: to the left the video at the same moment, to the right the animated face. Returns its frames.
@@ -33,12 +33,10 @@ def write_beside_film(
     ----------
     path : path
         `.mp4` or `.gif`.
+    film : Film
+        How the face is shown; the video is as high.
     offset : float
         When the animation begins in the video, s. Where the video has no picture it is black.
-    height : int
-        Pixels.
-    every : int
-        Show one of so many frames of the animation.
     progress : callable (frames done, frames in all), optional
 
     Raises
@@ -47,19 +45,18 @@ def write_beside_film(
         If the video shows nothing of the animation's time, the animation has a shape that the rig has not, or the file
         cannot be written.
     """
-    shown = one_of(animation, every)
-    wanted = np.floor((shown.times - shown.times[0] + offset) * video.rate + 0.5).astype(int)
+    times, height = film.times(animation), film.size[1]
+    wanted = np.floor((times - times[0] + offset) * video.rate + 0.5).astype(int)
     if not ((wanted >= 0) & (wanted < video.count)).any():
         raise InputError(
             f"{video.path} lasts {video.count / video.rate:.1f} s and has no picture of the animation, which begins at "
             f"{offset:g} s of it; give the offset at which it begins."
         )
     width = 2 * round(height * min(video.size[0] / video.size[1], WIDEST) / 2)
-    face = 2 * round(0.45 * height), height
     left = (_fitted(picture, (width, height)) for picture in pictures_at(video, wanted))
-    right = picture_frames(rig, shown, face, (0.0,), every=every, progress=progress)
-    pairs = (np.hstack(pair) for pair in zip(left, right, strict=True))
-    return write_video(path, pairs, shown.rate, (width + face[0], height))
+    pairs = (np.hstack(pair) for pair in zip(left, pictures(rig, animation, film), strict=True))
+    size = (width + film.size[0], height)
+    return write_video(path, told(pairs, len(wanted), progress), film.rate(animation), size)
 
 
 def pictures_at(video: Video, wanted: np.ndarray) -> Iterator[np.ndarray]:

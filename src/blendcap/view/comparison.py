@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import starmap
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,14 +15,15 @@ from blendcap.data.anatomy import is_skin
 from blendcap.io.video_write import write_video
 from blendcap.metrics import evaluate
 from blendcap.view import page
+from blendcap.view.film import Film, pictures, told
 from blendcap.view.posing import weights_on
-from blendcap.view.preview import one_of, picture_frames
 from blendcap.view.still import still
 from blendcap.view.style import BLUE, GREEN, INK, inline_svg, new_figure, plain, styled, thinned
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+HALF = Film((640, 720), (0.0,))  # how each of two faces is shown
 MOST_CURVES = 12
 CHANGED = 0.01  # a weight that changes by less is as it was
 PICTURE = (600, 600)
@@ -82,28 +84,25 @@ def write_comparison(
     rig: Rig,
     alone: Animation,
     hybrid: Animation,
+    film: Film = HALF,
     *,
-    size: tuple[int, int] = (1280, 720),
-    every: int = 1,
     progress: Callable[[int, int], None] | None = None,
 ) -> int:
     """Write a film: the face of the markers alone to the left, of the hybrid solve to the right.
 
     Parameters
     ----------
-    size : (width, height)
-        Pixels, of both together.
-    every : int
-        Show one of so many frames.
+    film : Film
+        How each of the two is shown; what it is stands behind the title.
     """
     _check(alone, hybrid)
-    half = (size[0] // 2, size[1])
     films = [
-        picture_frames(rig, one_of(animation, every), half, (0.0,), title=title, every=every, progress=told)
-        for animation, title, told in ((alone, "markers alone", None), (hybrid, "with patches", progress))
+        pictures(rig, animation, replace(film, title=f"{film.title} {what}".strip()))
+        for animation, what in ((alone, "markers alone"), (hybrid, "with patches"))
     ]
-    pictures = (np.hstack(pair) for pair in zip(*films, strict=True))
-    return write_video(path, pictures, hybrid.rate / every, (2 * half[0], half[1]))
+    pairs = (np.hstack(pair) for pair in zip(*films, strict=True))
+    size = (2 * film.size[0], film.size[1])
+    return write_video(path, told(pairs, film.count(hybrid), progress), film.rate(hybrid), size)
 
 
 def _check(alone: Animation, hybrid: Animation) -> None:

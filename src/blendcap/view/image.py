@@ -1,4 +1,4 @@
-"""Dots, lines and words on pictures."""
+"""Markers, dots, lines and words on pictures."""
 
 from __future__ import annotations
 
@@ -6,6 +6,26 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+
+from blendcap.data import Camera
+from blendcap.rendering import project
+
+TARGET, FITTED, LINE = (214, 48, 49), (30, 96, 196), (70, 70, 78)
+
+
+def mark(picture: np.ndarray, camera: Camera, targets: np.ndarray | None, fitted: np.ndarray | None) -> None:
+    """Draw markers (M, 3), red, their places on the face (M, 3), blue, and lines between, mm, on a picture."""
+    radius = max(picture.shape[0] / 220, 2.7)
+    places = {}
+    for what, points in (("target", targets), ("fitted", fitted)):
+        if points is not None:
+            places[what] = project(points, camera)[0]
+    if len(places) == 2:
+        draw_lines(picture, places["target"], places["fitted"], LINE)
+    if "fitted" in places:
+        draw_dots(picture, places["fitted"], FITTED, radius)
+    if "target" in places:
+        draw_dots(picture, places["target"], TARGET, radius)
 
 
 def draw_dots(picture: np.ndarray, pixels: np.ndarray, color: tuple[int, int, int], radius: float) -> None:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 
 import numpy as np
 
 from blendcap.data import Animation, Camera, Rig
+from blendcap.data.names import listed
 from blendcap.rendering import face_camera
+
+log = logging.getLogger(__name__)
 
 VIEWS = (0.0, 0.62)  # yaw, rad: from the front, and three quarters from the subject's left
 
@@ -23,6 +27,19 @@ def weights_on(rig: Rig, animation: Animation) -> np.ndarray:
     weights = np.zeros((len(animation.weights), len(rig.names)))
     weights[:, [rig.index(name) for name in animation.names]] = np.nan_to_num(animation.weights)
     return weights
+
+
+def warn_of_unknown(animation: Animation, frames: Sequence[int] | None = None) -> None:
+    """Say which weights of the frames to be drawn, all if not given, are NaN: pictures show them at rest."""
+    drawn = np.arange(len(animation.weights)) if frames is None else np.asarray(frames)
+    unknown = np.isnan(animation.weights[drawn])
+    if not unknown.any():
+        return
+    rows = drawn[unknown.any(1)]
+    names = [animation.names[n] for n in np.flatnonzero(unknown.any(axis=0))]
+    where = f"frame {rows[0]}" if len(rows) == 1 else f"{len(rows)} frames from {rows[0]} to {rows[-1]}"
+    which = "all shapes" if len(names) == len(animation.names) else f"{len(names)} shapes ({listed(names)})"
+    log.warning("Weights of %s are unknown in %s; the pictures show them at rest.", which, where)
 
 
 def framed_vertices(rig: Rig) -> np.ndarray:

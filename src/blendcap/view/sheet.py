@@ -1,4 +1,4 @@
-"""A contact sheet: the neutral face from three sides, and each shape on its own with its name."""
+"""A contact sheet: the neutral face from three sides, and each shape on its own with its name and where it moves."""
 
 from __future__ import annotations
 
@@ -7,23 +7,30 @@ from pathlib import Path
 
 import numpy as np
 
-from blendcap.data import Rig
+from blendcap.data import Camera, Rig
 from blendcap.data.correctives import needs
 from blendcap.io.images import write_image
-from blendcap.rendering import face_camera, prepare_rig, shaped
-from blendcap.view.image import draw_text
+from blendcap.rendering import Surface, face_camera, prepare_rig, shaped
+from blendcap.view.heatmap import MATT
+from blendcap.view.image import draw_text, text_width
 from blendcap.view.posing import framed_vertices
 
 SIDES = {"front": 0.0, "three-quarter": 0.7, "side": 1.5708}  # yaw, rad
+FACE = 3.0  # mm: what a shape moves by more belongs to the face that fills a cell
+HEAT = 0.30  # of a cell's width: the small face that shows where a shape moves
+STILL, MOVES = np.array([0.80, 0.81, 0.83]), np.array([0.84, 0.12, 0.10])  # sRGB
 
 
-def write_contact_sheet(path: str | Path, rig: Rig, *, columns: int = 8, cell: int = 200) -> None:
+def write_contact_sheet(path: str | Path, rig: Rig, *, columns: int = 8, cell: int = 240) -> None:
     """Write the contact sheet of a rig as PNG; see `contact_sheet`."""
     write_image(path, contact_sheet(rig, columns=columns, cell=cell))
 
 
-def contact_sheet(rig: Rig, *, columns: int = 8, cell: int = 200) -> np.ndarray:
+def contact_sheet(rig: Rig, *, columns: int = 8, cell: int = 240) -> np.ndarray:
     """Picture (H, W, 3) uint8 of the neutral from three sides and of each shape at its highest weight.
+
+    The cell of a shape shows the face without the skull, how far the shape moves the skin, mm, and a small face that is
+    redder the more a place moves, up to that.
 
     Parameters
     ----------
@@ -43,16 +50,54 @@ def _cells(rig: Rig, size: tuple[int, int]) -> Iterator[np.ndarray]:
     neutral, framed = prepare_rig(rig), framed_vertices(rig)
     for name, yaw in SIDES.items():
         yield _named(neutral.picture(face_camera(framed, size, yaw), size), name)
-    camera = face_camera(framed, size)
+    part = (round(HEAT * size[0]), round(HEAT * size[1]))
+    camera, small = (face_camera(reach(rig), pixels) for pixels in (size, part))
     for n, name in enumerate(rig.names):
         weights = np.zeros(len(rig.names))
         weights[[rig.index(other) for other in needs(rig, name)]] = 1
         weights[n] = rig.bounds[n, 1]
-        yield _named(shaped(neutral, rig, weights).picture(camera, size), name)
+        surface = shaped(neutral, rig, weights)
+        picture = surface.picture(camera, size)
+        moved = weights[n] * np.linalg.norm(rig.deltas[n], axis=1)
+        picture[-part[1] :, -part[0] :] = _heat(surface, moved, small, part)
+        yield _described(picture, name, moved.max(initial=0))
+
+
+def reach(rig: Rig) -> np.ndarray:
+    """Points (K, 3), mm, around all that the shapes do to the face: it without skull and neck, and the opened jaw."""
+    moving = rig.moving_vertices(FACE)
+    if not len(moving):
+        return rig.mesh.vertices
+    still, deltas = rig.mesh.vertices[moving], rig.deltas[:, moving]
+    return np.concatenate([still + np.minimum(deltas.min(0), 0), still + np.maximum(deltas.max(0), 0)])
+
+
+def _heat(surface: Surface, moved: np.ndarray, camera: Camera, size: tuple[int, int]) -> np.ndarray:
+    """A small picture of a shape, redder where it moved by more, (V,) mm."""
+    share = (moved / max(moved.max(initial=0), 1e-9))[:, None]
+    return surface.painted(STILL + share * (MOVES - STILL)).picture(camera, size, light=MATT)
 
 
 def _named(picture: np.ndarray, name: str) -> np.ndarray:
+    """Write a name into the foot of a cell."""
     height, width = picture.shape[:2]
-    letters = max(min(height // 16, round(1.6 * width / max(len(name), 1))), 6)
-    draw_text(picture, name, (width // 2, height - height // 30), height=letters, anchor="ms")
+    draw_text(picture, name, (width // 2, height - height // 30), height=_letters(name, picture, 0.96), anchor="ms")
     return picture
+
+
+def _described(picture: np.ndarray, name: str, moved: float) -> np.ndarray:
+    """Write the name of a shape, and under it how far it moves, into the left of the foot of a cell."""
+    height, width = picture.shape[:2]
+    far, left, line = f"{moved:.1f} mm" if moved >= 0.05 else "under 0.05 mm", width // 40, height // 16
+    draw_text(picture, far, (left, height - height // 40), height=max(height // 24, 6), anchor="ls")
+    letters = _letters(name, picture, 0.97 - HEAT)
+    draw_text(picture, name, (left, height - height // 40 - line), height=letters, anchor="ls")
+    return picture
+
+
+def _letters(name: str, picture: np.ndarray, share: float) -> int:
+    """The height of letters, pixels, with which a name fits into a share of a picture's width."""
+    letters = picture.shape[0] // 18
+    while letters > 6 and text_width(name, letters) > share * picture.shape[1]:
+        letters -= 1
+    return letters

@@ -11,9 +11,8 @@ from scipy.spatial import KDTree
 from blendcap.data import Camera, Rig
 from blendcap.io.images import write_image
 from blendcap.rendering import Surface, prepare_rig, project, shaped, vertex_normals
-from blendcap.view.image import draw_text, text_width
+from blendcap.view.image import draw_text, mark, text_width
 from blendcap.view.posing import VIEWS, side_by_side
-from blendcap.view.preview import mark
 
 
 def write_still(
