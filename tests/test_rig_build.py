@@ -82,6 +82,49 @@ def test_a_unit_guessed_wrongly_is_mended_by_the_face(folder, capsys):
     assert size == pytest.approx(np.ptp(TEMPLATE.vertices[:, 0]), rel=0.15)  # "as large": nothing tells the true size
 
 
+@pytest.mark.parametrize("landmarks", [BUILD[7:], ()])
+@pytest.mark.parametrize(
+    ("scale", "ending", "unit", "words"),
+    [
+        (1, ".obj", "m", "With the scan in metres its (face|head) is [0-9.e+]+ (mm|times).* say --unit mm."),
+        (1, ".obj", "dm", "say --unit mm"),
+        (0.1, ".obj", "mm", "With the scan in millimetres its .* say --unit cm"),
+        (0.001, ".obj", "cm", "say --unit m."),
+        (1000, ".glb", None, "With the scan in metres its .* say --unit mm"),
+    ],
+)
+def test_a_wrong_unit_is_refused_before_the_work(folder, capsys, monkeypatch, landmarks, scale, ending, unit, words):
+    monkeypatch.setattr("blendcap.modeling.build.build_rig", lambda *_, **__: pytest.fail("the work began"))
+    scan = blendcap.read_mesh(folder / "scan.obj", "mm")
+    blendcap.write_mesh(folder / f"scan{ending}", scan.with_vertices(scan.vertices * scale))
+    given = () if unit is None else ("--unit", unit)
+    assert main([*BUILD[:2], f"scan{ending}", *BUILD[3:7], *landmarks, *given]) == 1
+    said = capsys.readouterr().err.strip().splitlines()
+    assert re.search(words, said[-1])
+
+
+def test_a_unit_that_is_given_counts_more_than_that_of_the_file(folder, capsys, monkeypatch):
+    def build(base, scan, *_, **__):
+        sizes.append(np.ptp(scan.vertices[:, 0]))
+        raise InputError("enough")
+
+    sizes = []
+    monkeypatch.setattr("blendcap.modeling.build.build_rig", build)
+    scan = blendcap.read_mesh(folder / "scan.obj", "mm")
+    blendcap.write_mesh(folder / "scan.glb", scan.with_vertices(scan.vertices * 100))  # centimetres, said to be metres
+    assert main([*BUILD[:2], "scan.glb", *BUILD[3:], "--unit", "cm"]) == 1
+    assert sizes == [pytest.approx(156, rel=0.02)]
+
+
+@pytest.mark.parametrize("share", [0.15, 0.45, 0.62, 0.9])
+def test_a_file_that_was_cut_short_is_one_sentence(folder, capsys, share):
+    content = (folder / "scan.obj").read_bytes()
+    (folder / "scan.obj").write_bytes(content[: int(share * len(content))])
+    assert main([*BUILD[:7]]) == 1
+    said = capsys.readouterr().err.strip().splitlines()
+    assert said[-1].startswith("blendcap: ") and ("scan.obj" in said[-1] or "the file was cut short" in said[-1])
+
+
 def test_inward_normals_are_turned_and_said(folder, capsys):
     scan = masks.scan(**OTHER)
     blendcap.write_mesh(folder / "scan.obj", Mesh(scan.vertices, scan.faces[:, ::-1]))
@@ -109,6 +152,12 @@ def test_a_landmark_that_the_template_lacks_is_named(folder, capsys):
     (folder / "spots.json").write_text('{"ear_tip": 5, "spots/p0": 6, "spots/p1": 7}', encoding="utf-8")
     assert main(BUILD) == 1
     assert "no point named 'ear_tip'; its points are spots (p0, p1, p2 ...)" in capsys.readouterr().err
+
+
+def test_two_landmarks_are_too_few(folder, capsys):
+    (folder / "spots.json").write_text('{"spots/p0": 6, "spots/p1": 7}', encoding="utf-8")
+    assert main(BUILD) == 1
+    assert "Only 2 landmarks are given; give at least three, or none." in capsys.readouterr().err
 
 
 def test_an_output_that_is_no_rig_is_refused_before_the_work(folder, capsys):
@@ -158,9 +207,11 @@ def test_a_bad_example_is_refused_before_the_work(folder, capsys, monkeypatch):
 @pytest.mark.parametrize(
     ("order", "words"),
     [([0, 1, 3, 2, 5, 4, 6, 7, 8, 10, 9, 11], "left and right are swapped"),
+     ([0, 1, 3, 2, 4, 5, 6, 7, 8, 9, 10, 11], "The landmarks spots/p2 and spots/p3 lie where each other should"),
      ([5, 9, 0, 11, 1, 2, 10, 3, 4, 6, 8, 7], "do not fit the template: ")],
 )  # fmt: skip
-def test_landmarks_on_the_wrong_places_are_refused(folder, capsys, order, words):
+def test_landmarks_on_the_wrong_places_are_refused_before_the_work(folder, capsys, monkeypatch, order, words):
+    monkeypatch.setattr("blendcap.modeling.build.build_rig", lambda *_, **__: pytest.fail("the work began"))
     table = json.loads((folder / "spots.json").read_text(encoding="utf-8"))
     names, rows = list(table), list(table.values())
     wrong = dict(zip(names, [rows[k] for k in order], strict=True))
@@ -210,11 +261,11 @@ def test_what_is_wrong_with_an_example_is_said(tmp_path, monkeypatch, caplog):
     rig = Rig(flat_head(), np.zeros((1, 4, 3), np.float32), ("jawOpen",))
     blendcap.write_mesh(tmp_path / "jawOpen.obj", rig.mesh)
     monkeypatch.setattr("blendcap.modeling.landmark_pairs.find_pairs", lambda *_: (None, ["No landmarks were found."]))
-    ready = type("Ready", (), {"mesh": rig.mesh, "notes": ["Its normals were turned."]})
+    ready = type("Ready", (), {"mesh": rig.mesh, "unit_mm": 1.0, "notes": ["Its normals were turned."]})
     monkeypatch.setattr("blendcap.modeling.scan_repair.ready_scan", lambda *_: ready)
     monkeypatch.setattr("blendcap.modeling.build.register_example", lambda *_: rig.mesh)
     monkeypatch.setattr("blendcap.refine_rig", lambda rig, *_: rig, raising=False)
-    given = read_examples([tmp_path / "jawOpen.obj"], 1.0, rig, Progress(quiet=True))
+    given = read_examples([tmp_path / "jawOpen.obj"], None, 1.0, rig, Progress(quiet=True))
     assert refined(rig, given, 1.0, Progress(quiet=True)) is rig
     assert "jawOpen.obj: No landmarks were found." in caplog.text
     assert "jawOpen.obj: Its normals were turned." in caplog.text

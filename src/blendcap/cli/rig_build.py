@@ -56,7 +56,7 @@ def build(
         A folder of scans of the same person's expressions, in the same unit: they refine the shapes. If every file is
         named after a shape of the template, as in jawOpen.obj, each counts as that shape; otherwise weights are solved.
     unit
-        The scan's unit; found from the size of a head if not given.
+        The scan's unit, in place of what the file states; found from the size of a head if neither says.
     report
         A self-contained .html page: before and after, distances, shapes, convergence.
     backend
@@ -64,8 +64,8 @@ def build(
     as_json
         Print the answer as JSON.
     """
-    from blendcap.cli.rig_examples import example_files, read_examples, refined
-    from blendcap.io import read_mesh, read_rig, write_rig
+    from blendcap.cli.rig_examples import example_files, read_examples, read_scan, refined
+    from blendcap.io import read_rig, write_rig
     from blendcap.modeling.shut_eyes import keep_eyes_open
     from blendcap.view.rig_report import write_rig_report
 
@@ -74,15 +74,14 @@ def build(
     files = [] if examples is None else example_files(examples, scan)
     progress = Progress(quiet=as_json)
     with progress.step("read", f"Read {scan}"):
-        raw = read_mesh(scan, unit or "mm")
+        raw, stated = read_scan(scan, unit)
         base = blendcap.mannequin() if template is None else read_rig(template)
     with progress.step("landmarks", "Find landmarks" if landmarks is None else f"Read {landmarks}"):
-        stated = unit is not None or scan.suffix.lower() in (".glb", ".gltf")
         ready, pairs, notes = _ready(raw, base, landmarks, stated)
         pairs, free, said = keep_eyes_open(base, pairs)
         notes += said
     _tell(notes, as_json)
-    given = read_examples(files, ready.unit_mm, base, progress)
+    given = read_examples(files, unit, ready.unit_mm, base, progress)
     with progress.step("build", "Lay the template onto the scan and carry its shapes over") as tell:
         built, sized = _built(base, ready, pairs, free, stated, backend, tell)
     later = sized.notes[len(ready.notes) :]
@@ -110,20 +109,26 @@ def _tell(sentences: Iterable[str], as_json: bool) -> None:
             print(sentence, flush=True)
 
 
-def _ready(raw: Mesh, base: Rig, landmarks: Path | None, stated: bool) -> tuple[ReadyScan, Pairs | None, list[str]]:
+def _ready(
+    raw: Mesh, base: Rig, landmarks: Path | None, stated: str | None
+) -> tuple[ReadyScan, Pairs | None, list[str]]:
     """The scan made ready, pairs of landmarks in mm if there are any, and what to say of both."""
-    from blendcap.modeling.landmark_pairs import find_pairs
-    from blendcap.modeling.scan_repair import ready_scan, unit_by_landmarks
+    from blendcap.modeling.landmark_pairs import check_pairs, find_pairs
+    from blendcap.modeling.scan_repair import check_unit, ready_scan, unit_by_landmarks
 
     given, notes = find_pairs(raw, base) if landmarks is None else (_read_landmarks(landmarks, raw, base), [])
     unit_mm, note = (1.0, None) if stated else unit_by_landmarks(given, base)
     ready = ready_scan(raw, unit_mm)
     pairs = None if given is None else (given[0], ready.unit_mm * given[1])
+    if pairs is not None:
+        check_pairs(base, pairs, ready.mesh)
+    if stated:
+        note = check_unit(stated, ready.mesh, pairs, base)
     return ready, pairs, [*notes, *([note] if note else []), *ready.notes]
 
 
 def _built(
-    base: Rig, ready: ReadyScan, pairs: Pairs | None, free: np.ndarray, stated: bool, backend, tell
+    base: Rig, ready: ReadyScan, pairs: Pairs | None, free: np.ndarray, stated: str | None, backend, tell
 ) -> tuple[BuiltRig, ReadyScan]:
     """The rig, and the scan in the size that it was built from: a guessed unit is held against the face."""
     from blendcap.modeling.build import build_rig

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 SCANS = (".obj", ".ply", ".stl", ".glb", ".gltf")
+IN_METRES = (".glb", ".gltf")
 
 
 def example_files(folder: Path, neutral: Path) -> list[Path]:
@@ -31,10 +32,22 @@ def example_files(folder: Path, neutral: Path) -> list[Path]:
     return files
 
 
-def read_examples(files: list[Path], unit_mm: float, template: Rig, progress: Progress) -> dict[Path, Example]:
-    """The scans, made ready, so that a bad file is known before the long work; none for no files."""
-    from blendcap.data import Mesh
+def read_scan(file: Path, unit: str | None) -> tuple[Mesh, str | None]:
+    """A scan, and its unit if one is given or the file states one; otherwise its numbers count as mm."""
     from blendcap.io import read_mesh
+
+    stated = unit or ("m" if file.suffix.lower() in IN_METRES else None)
+    return read_mesh(file, stated or "mm"), stated
+
+
+def read_examples(
+    files: list[Path], unit: str | None, unit_mm: float, template: Rig, progress: Progress
+) -> dict[Path, Example]:
+    """The scans, made ready, so that a bad file is known before the long work; none for no files.
+
+    `unit_mm` is what the neutral's numbers were multiplied by: it counts for examples whose unit nobody states.
+    """
+    from blendcap.data import Mesh
     from blendcap.modeling.landmark_pairs import find_pairs
     from blendcap.modeling.scan_repair import ready_scan
 
@@ -44,16 +57,16 @@ def read_examples(files: list[Path], unit_mm: float, template: Rig, progress: Pr
     with progress.step("read examples", f"Read {len(files)} examples", total=len(files)) as tell:
         for number, file in enumerate(files):
             tell(file.name)
-            raw = read_mesh(file, "mm")
+            raw, stated = read_scan(file, unit)
             try:
-                ready = ready_scan(raw, unit_mm)
+                ready = ready_scan(raw, 1.0 if stated else unit_mm)
             except blendcap.InputError as error:
                 raise blendcap.InputError(f"The example {file} cannot be used: {error}") from None
             pairs, notes = find_pairs(raw, template)
             for note in (*notes, *ready.notes):
                 log.warning("%s: %s", file.name, note)
             bare = Mesh(ready.mesh.vertices, ready.mesh.faces)  # textures of twenty scans would take gigabytes
-            found[file] = bare, None if pairs is None else (pairs[0], unit_mm * pairs[1])
+            found[file] = bare, None if pairs is None else (pairs[0], ready.unit_mm * pairs[1])
             tell(number + 1)
     return found
 

@@ -50,7 +50,7 @@ def read_mesh(path: str | os.PathLike, unit: str | None = None) -> Mesh:
     ----------
     path : path
     unit : str, optional
-        Unit of length of a file that states none (OBJ, PLY, STL): mm if not given. glTF is metres by definition.
+        Unit of length, in place of what the file states. If not given, OBJ, PLY and STL are in mm, glTF in metres.
 
     Returns
     -------
@@ -64,7 +64,8 @@ def read_mesh(path: str | os.PathLike, unit: str | None = None) -> Mesh:
     """
     kind = _reading(path, "mesh")
     if kind in GLTF:
-        return read_glb_mesh(path)
+        mesh = read_glb_mesh(path)
+        return mesh if unit is None else mesh.with_vertices(mesh.vertices * millimetres(unit, str(path)) / 1000)
     scale = millimetres(unit or "mm", str(path))
     mesh = read_obj(path, scale) if kind == ".obj" else read_scan(path, scale)
     if unit is None:

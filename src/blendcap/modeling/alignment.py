@@ -1,15 +1,12 @@
-"""A template comes to a scan as a whole: by landmarks, or by its shape where nobody gives any."""
+"""A template comes to a scan as a whole by its shape, where nobody gives landmarks."""
 
 from __future__ import annotations
-
-import logging
-from collections.abc import Sequence
 
 import numpy as np
 
 from blendcap.data import InputError
 from blendcap.modeling.matching import ScanSurface
-from blendcap.numerics.similarity import align, align_robust, apply
+from blendcap.numerics.similarity import align, apply
 from blendcap.numerics.surfaces import vertex_normals
 
 Similarity = tuple[np.ndarray, np.ndarray, np.ndarray]
@@ -19,44 +16,6 @@ KEPT = 0.8  # share of the matches that count, the nearest ones
 COSINE = 0.5
 STILL = 1e-4  # of the template's size: smaller steps end the iteration
 STEPS = 60
-ODD = 0.4  # of the landmarks' spread: one that lies so far from where the others put it is likely another place
-MIRRORED = 0.5  # landmarks that fit the mirrored template with less than this of their misfit have their sides swapped
-
-_log = logging.getLogger(__name__)
-
-
-def align_by_landmarks(names: Sequence[str], here: np.ndarray, there: np.ndarray) -> Similarity:
-    """The similarity from landmarks (L, 3) of a template to those of a scan, by the same names.
-
-    A landmark that contradicts the others is said in a warning.
-
-    Raises
-    ------
-    InputError
-        If they fit the template's mirror image better, or most contradict each other.
-    """
-    similarity = align(here, there)
-    spread = float(np.sqrt(((there - there.mean(0)) ** 2).sum(1).mean()))
-    misfit, mirrored = (
-        float(np.sqrt(((apply(side, *align(side, there)) - there) ** 2).sum(1).mean()))
-        for side in (here, here * [-1.0, 1.0, 1.0])
-    )
-    if misfit > ODD / 4 * spread and mirrored < MIRRORED * misfit:
-        raise InputError(
-            "The landmarks fit the mirror image of the template: left and right are swapped; "
-            "left is the subject's left."
-        )
-    off = np.linalg.norm(apply(here, *align_robust(here, there, floor=ODD / 4 * spread)) - there, axis=1)
-    odd = np.argsort(off)[::-1][: int((off > ODD * spread).sum())]
-    worst = ", ".join(f"{names[k]} ({off[k]:.0f} mm)" for k in odd[:3])
-    if misfit > ODD * spread or len(odd) > len(off) / 3:
-        raise InputError(
-            f"The landmarks do not fit the template: {len(odd)} of {len(off)} lie far from where the others put them"
-            f"{', as ' + worst if worst else ''}; check which point of the template each one names."
-        )
-    if len(odd):
-        _log.warning("Landmarks that lie far from where the others put them: %s; check their places.", worst)
-    return similarity
 
 
 def align_by_shape(vertices: np.ndarray, faces: np.ndarray, visible: np.ndarray, surface: ScanSurface) -> Similarity:

@@ -7,8 +7,13 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from blendcap.data import InputError, Mesh, Rig, SurfacePoints
+from blendcap.modeling.landmark_checks import check_landmarks
 from blendcap.modeling.landmark_names import rig_landmarks
 from blendcap.modeling.landmarks import find_landmarks
+from blendcap.modeling.matching import ScanSurface
+from blendcap.numerics.surfaces import vertex_normals
+
+FEWEST = 3  # landmarks that leave no turn open
 
 
 def find_pairs(scan: Mesh, template: Rig) -> tuple[tuple[SurfacePoints, np.ndarray] | None, list[str]]:
@@ -26,6 +31,26 @@ def find_pairs(scan: Mesh, template: Rig) -> tuple[tuple[SurfacePoints, np.ndarr
         return None, [f"No landmarks were found, so the template is aligned by its shape: {error}"]
     names = [name for name in here.names if name in there.names]
     return (here.select(names), there.select(names).positions(scan)), []
+
+
+def check_pairs(template: Rig, pairs: tuple[SurfacePoints, np.ndarray], scan: Mesh) -> None:
+    """Refuse pairs of landmarks that cannot be right, before the long work; see `check_landmarks`.
+
+    Parameters
+    ----------
+    template : Rig
+    pairs : (SurfacePoints (L), (L, 3) float64)
+        Points on the template and where they are on the scan.
+    scan : Mesh
+        Made ready: its triangles face outwards.
+    """
+    points, places = pairs
+    if len(places) < FEWEST:
+        raise InputError(f"Only {len(places)} landmarks are given; give at least three, or none.")
+    mesh = template.mesh
+    outside = points.matrix(mesh) @ vertex_normals(mesh.vertices, mesh.faces)
+    there = ScanSurface(scan.vertices, scan.faces).outwards(places)
+    check_landmarks(points.names, points.positions(mesh), places, outside, there)
 
 
 def partners(template: Rig, names: Sequence[str]) -> SurfacePoints:

@@ -10,14 +10,15 @@ from numpy.typing import ArrayLike
 from scipy import sparse
 
 from blendcap.data import InputError, Mesh, Rig, SurfacePoints
-from blendcap.modeling.alignment import align_by_landmarks, align_by_shape
+from blendcap.modeling.alignment import align_by_shape
+from blendcap.modeling.landmark_checks import check_landmarks
 from blendcap.modeling.matching import ScanSurface
 from blendcap.modeling.nonrigid import Level, fit_skin
 from blendcap.modeling.schedule import Schedule, schedule_of
 from blendcap.modeling.template import carry, find_skin
 from blendcap.numerics.leastsq import Backend
-from blendcap.numerics.similarity import apply
-from blendcap.numerics.surfaces import turned_over
+from blendcap.numerics.similarity import align, apply
+from blendcap.numerics.surfaces import turned_over, vertex_normals
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +106,9 @@ def register(
         skin = skin.without(_rows(free, len(mesh.vertices)))
     names, sampling, positions = _landmarks(mesh, landmarks)
     if names:
-        similarity = align_by_landmarks(names, sampling @ mesh.vertices, positions)
+        outside = sampling @ vertex_normals(mesh.vertices, mesh.faces)
+        check_landmarks(names, sampling @ mesh.vertices, positions, outside, surface.outwards(positions))
+        similarity = align(sampling @ mesh.vertices, positions)
     else:
         similarity = align_by_shape(mesh.vertices[skin.rows], skin.faces, skin.visible, surface)
     start = apply(mesh.vertices, *similarity)

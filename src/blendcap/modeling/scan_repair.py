@@ -11,11 +11,14 @@ from blendcap.numerics.similarity import align
 from blendcap.numerics.surfaces import face_normals, parts
 
 UNITS = {"millimetres": 1.0, "centimetres": 10.0, "inches": 25.4, "decimetres": 100.0, "metres": 1000.0}
+SHORT = {"mm": "millimetres", "cm": "centimetres", "in": "inches", "dm": "decimetres", "m": "metres"}
 HEAD = (120.0, 650.0)  # mm: the longest side of a scan of a face, a head or a bust
 TYPICAL = 280.0  # mm
 BODY = 4.0  # a box with sides in this ratio is no face: a mask reaches 3.3, a standing body 5
 SECOND = 0.5  # a second surface of this share of the first's area is a second face
 SIZES = (0.8, 1.25)  # of a face beside the template's; beyond it the unit is wrong
+HALF = (0.5, 2.0)  # of a face beside the template's: beyond it a unit that somebody stated is looked at again
+LOOSE = 0.1  # share of vertices without a triangle: files that were cut short have more
 MOST = 400_000  # triangles; a registration gains nothing from more
 
 
@@ -51,13 +54,19 @@ def ready_scan(scan: Mesh, unit_mm: float | None = None) -> ReadyScan:
     Raises
     ------
     InputError
-        If it is a body, holds two faces, or has no size that a head has in any unit.
+        If it is a body, holds two faces, was cut short, or has no size that a head has in any unit.
     """
     notes: list[str] = []
     vertices, faces, uv_faces = np.asarray(scan.vertices), scan.faces, scan.uv_faces
     whole = np.linalg.norm(face_normals(vertices, faces), axis=1) > 0
     if not whole.any():
         raise InputError("The scan has no triangle with an area; export a surface, not points or lines.")
+    loose = 1 - len(np.unique(faces)) / len(vertices)
+    if loose > LOOSE:
+        raise InputError(
+            f"{loose:.0%} of the scan's vertices belong to no triangle: the file was cut short, or holds loose points; "
+            "export it again, without them."
+        )
     if not whole.all():
         notes.append(f"{(~whole).sum():,} degenerate triangles are left out.")
         faces, uv_faces = faces[whole], None if uv_faces is None else uv_faces[whole]
@@ -104,6 +113,42 @@ def unit_by_face(template_size: float) -> tuple[float, str | None]:
         )
     said = f"The scan is taken to be in {word}: only then is its face as large as a face."
     return UNITS[word], None if word == "millimetres" else said
+
+
+def check_unit(stated: str, scan: Mesh, pairs: tuple[SurfacePoints, np.ndarray] | None, template: Rig) -> str | None:
+    """Refuse a unit that is plainly not the scan's; a sentence where the size is odd and no unit mends it.
+
+    Parameters
+    ----------
+    stated : str
+        mm, cm, in, dm or m.
+    scan : Mesh
+        In mm, if the unit is right.
+    pairs : (SurfacePoints (L), (L, 3) float64) or None
+        Landmarks on the template and on the scan, mm. Without them only the size of the whole scan tells.
+    template : Rig
+
+    Raises
+    ------
+    InputError
+        If the face, or without landmarks the scan, is less than half or more than twice as large as it may be, and
+        is not in another unit.
+    """
+    if pairs is None:
+        size, fits, what = float(np.ptp(scan.vertices[np.unique(scan.faces)], axis=0).max()), HEAD, "mm long"
+        if HEAD[0] * HALF[0] <= size <= HEAD[1] * HALF[1]:
+            return None
+    else:
+        size, fits = float(align(pairs[0].positions(template.mesh), pairs[1])[2]), SIZES
+        what = "times as large as the template's"
+        if HALF[0] <= size <= HALF[1]:
+            return None
+    word = SHORT[stated]
+    said = f"With the scan in {word} its {'head' if pairs is None else 'face'} is {size:.4g} {what}"
+    better = [short for short, own in SHORT.items() if fits[0] < size * UNITS[own] / UNITS[word] < fits[1]]
+    if better:
+        raise InputError(f"{said}, in {SHORT[better[0]]} it has the size of one; say --unit {better[0]}.")
+    return f"{said}; leave the unit out to have it scaled."
 
 
 def resized(scan: ReadyScan, size: float) -> ReadyScan:

@@ -1,0 +1,136 @@
+"""Landmarks on the wrong places are refused before the long work: sides swapped, two exchanged, most of them off."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+
+import numpy as np
+
+from blendcap.data import InputError
+from blendcap.numerics.similarity import align, align_robust, apply
+
+ODD = 0.4  # of the landmarks' spread: one that lies so far from where the others put it is likely another place
+MIRRORED = 0.5  # landmarks that fit the mirrored template with less than this of their misfit have their sides swapped
+MISFIT = 0.1  # of the spread: landmarks that fit this well are not looked at for exchanged ones
+APART = 0.15  # of the spread: two exchanged ones lie farther than this from their places
+TIP = 0.5  # of the spread: how far outside of each landmark the point lies that tells outside from inside
+WORST = 40  # landmarks at most that are tried for exchange
+
+_log = logging.getLogger(__name__)
+
+
+def check_landmarks(
+    names: Sequence[str], here: np.ndarray, there: np.ndarray, outside_here: np.ndarray, outside_there: np.ndarray
+) -> None:
+    """Refuse landmarks that contradict each other; say single ones in a warning.
+
+    Points alone do not tell sides where they lie in a plane, as eyes and the corners of a mouth do: half a turn lays
+    them onto their mirror image. So each counts together with a point outside of it.
+
+    Parameters
+    ----------
+    names : (L) sequence of str
+    here, there : (L, 3) float64
+        On the template and on the scan.
+    outside_here, outside_there : (L, 3) float64
+        The outward normals there.
+
+    Raises
+    ------
+    InputError
+        If they fit the template's mirror image, two lie at each other's places, or most lie off.
+    """
+    spread = _spread(there)
+    ours, scanned = _raised(here, outside_here), _raised(there, outside_there)
+    if _misfit(ours, scanned) > MISFIT * spread:
+        plain, mirror = (_untangled(side, scanned, spread) for side in (ours, ours * [-1.0, 1.0, 1.0]))
+        fewer = MIRRORED * mirror[1] < plain[1] and len(mirror[0]) < len(plain[0])
+        if mirror[1] < ODD * spread and (fewer or mirror[1] < MIRRORED * plain[1]):
+            but = f", but for {_listed(names, mirror[0])}" if mirror[0] else ""
+            raise InputError(
+                f"The landmarks fit the mirror image of the template{but}: left and right are swapped (left is the "
+                "subject's left), or the scan's triangles face inwards."
+            )
+        if plain[0] and plain[1] < ODD * spread:
+            raise InputError(
+                f"The landmarks {_listed(names, plain[0])} lie where each other should: exchange them; "
+                "left is the subject's left."
+            )
+    _check_each(names, here, there, spread)
+
+
+def _listed(names: Sequence[str], pairs: list[tuple[int, int]]) -> str:
+    more = f" ({len(pairs) - 3} more)" if len(pairs) > 3 else ""
+    return ", ".join(f"{names[i]} and {names[j]}" for i, j in pairs[:3]) + more
+
+
+def _check_each(names: Sequence[str], here: np.ndarray, there: np.ndarray, spread: float) -> None:
+    """Refuse landmarks of which many lie off, warn of few."""
+    off = np.linalg.norm(apply(here, *align_robust(here, there, floor=MISFIT * spread)) - there, axis=1)
+    odd = np.argsort(off)[::-1][: int((off > ODD * spread).sum())]
+    worst = ", ".join(f"{names[k]} ({off[k]:.0f} mm)" for k in odd[:3])
+    if _misfit(here[:, None], there[:, None]) > ODD * spread or len(odd) > len(off) / 3:
+        raise InputError(
+            f"The landmarks do not fit the template: {len(odd)} of {len(off)} lie far from where the others put them"
+            f"{', as ' + worst if worst else ''}; check which point of the template each one names."
+        )
+    if len(odd):
+        _log.warning("Landmarks that lie far from where the others put them: %s; check their places.", worst)
+
+
+def _untangled(ours: np.ndarray, scanned: np.ndarray, spread: float) -> tuple[list[tuple[int, int]], float]:
+    """Pairs of landmarks, each of which lies where the other should, and the misfit that is left once exchanged.
+
+    From landmarks (L, 2, 3) with their outsides; the exchange that helps most comes first.
+    """
+    order, found = np.arange(len(ours)), []
+    for _ in range(len(ours) // 2):
+        away = _away(ours[order], scanned)
+        worst = np.argsort(away.max(1))[::-1][:WORST]
+        worst = worst[away[worst].max(1) > APART * spread]
+        if len(worst) < 2:
+            break
+        first, second = (worst[k] for k in np.triu_indices(len(worst), 1))
+        tried = np.tile(order, (len(first), 1))
+        rows = np.arange(len(first))
+        tried[rows, first], tried[rows, second] = order[second], order[first]
+        squares = (_away(ours[tried], scanned) ** 2).sum((1, 2))
+        best = int(np.argmin(squares))
+        if squares[best] > (away**2).sum() - 4 * (APART * spread) ** 2:
+            break
+        order = tried[best]
+        found.append(tuple(sorted((int(first[best]), int(second[best])))))
+    placed = apply(ours[:, 0], *_fit(ours[order], scanned))
+    gap = np.linalg.norm(placed[:, None] - scanned[None, :, 0], axis=2)  # from each place of the template to each found
+    sure, order = [], np.arange(len(ours))
+    for i, j in sorted(found):
+        own = min(gap[i, i], gap[j, j])
+        if own > APART * spread and max(gap[i, j], gap[j, i]) < MIRRORED * own:
+            sure.append((i, j))
+            order[[i, j]] = j, i
+    return sure, _misfit(ours[order], scanned)
+
+
+def _spread(points: np.ndarray) -> float:
+    return float(np.sqrt(((points - points.mean(0)) ** 2).sum(1).mean()))
+
+
+def _raised(points: np.ndarray, outside: np.ndarray) -> np.ndarray:
+    """(L, 2, 3): each point, and one outside of it."""
+    return np.stack([points, points + TIP * _spread(points) * outside], axis=1)
+
+
+def _fit(ours: np.ndarray, scanned: np.ndarray):
+    flat = (*ours.shape[:-3], -1, 3)
+    return align(ours.reshape(flat), scanned.reshape(-1, 3))
+
+
+def _away(ours: np.ndarray, scanned: np.ndarray) -> np.ndarray:
+    """Distances (..., L, 2) that are left between landmarks (..., L, 2, 3) when they are aligned."""
+    placed = apply(ours.reshape(*ours.shape[:-3], -1, 3), *_fit(ours, scanned))
+    return np.linalg.norm(placed.reshape(ours.shape) - scanned, axis=-1)
+
+
+def _misfit(ours: np.ndarray, scanned: np.ndarray) -> float:
+    return float(np.sqrt((_away(ours, scanned) ** 2).mean()))

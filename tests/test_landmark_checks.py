@@ -1,0 +1,86 @@
+"""Landmarks on the wrong places: refused whatever their number, and right ones never."""
+
+import logging
+from functools import cache
+
+import numpy as np
+import pytest
+
+import blendcap
+from blendcap.data import InputError
+from blendcap.modeling.landmark_checks import check_landmarks
+from blendcap.modeling.landmark_names import rig_landmarks
+from blendcap.numerics.similarity import apply
+from blendcap.numerics.surfaces import vertex_normals
+
+RIG = blendcap.mannequin(shapes=52)
+ALL = rig_landmarks(RIG)
+EYES = {"eye_outer_right": "eye_outer_left", "eye_inner_right": "eye_inner_left"}
+MOUTH = {"lip_corner_right": "lip_corner_left"}
+FIVE = ("eye_outer_right", "eye_outer_left", "nose_tip", "lip_corner_right", "lip_corner_left")
+ALONG = {f"lips_upper_{k}": f"lips_upper_{10 - k}" for k in range(1, 5)}
+
+
+@cache
+def mesh_of(person):
+    return blendcap.mannequin(person, 52).mesh
+
+
+def check(names, exchanged, person=5, noise=1.0, seed=0):
+    """Landmarks of one mannequin on another, turned and in another size; the exchanged ones at each other's place."""
+    rng, points, other = np.random.default_rng(seed), ALL.select(list(names)), mesh_of(person)
+    both = {**exchanged, **{b: a for a, b in exchanged.items()}}
+    taken = ALL.select([both.get(name, name) for name in names])
+    turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+    turn *= np.linalg.det(turn)
+    outside = [p.matrix(m) @ vertex_normals(m.vertices, m.faces) for p, m in ((points, RIG.mesh), (taken, other))]
+    there = taken.positions(other) + rng.normal(0, noise, (len(names), 3))
+    check_landmarks(names, points.positions(RIG.mesh), apply(there, turn, np.ones(3), 0.1), outside[0],
+                    outside[1] @ turn.T)  # fmt: skip
+
+
+@pytest.mark.parametrize("names", [FIVE, FIVE[:3], (*EYES, *EYES.values()), ALL.names])
+def test_right_landmarks_pass_without_a_word(names, caplog):
+    with caplog.at_level(logging.WARNING):
+        for person in range(1, 4):
+            check(names, {}, person, seed=person)
+    assert not caplog.records
+
+
+@pytest.mark.parametrize("names", [
+    FIVE, FIVE[:3], (FIVE[0], FIVE[1], *FIVE[3:]), (*EYES, *EYES.values(), "nose_tip"), (*EYES, *EYES.values(), *MOUTH),
+])  # fmt: skip
+def test_sides_that_are_all_swapped_are_refused(names):
+    """Also where half a turn lays the points themselves onto their mirror image, as three points always do."""
+    for person in range(1, 4):
+        with pytest.raises(InputError, match="left and right are swapped"):
+            check(names, {**EYES, **MOUTH}, person, seed=person)
+
+
+@pytest.mark.parametrize(
+    ("names", "exchanged", "said"),
+    [
+        (FIVE, {"eye_outer_right": "eye_outer_left"}, "eye_outer_right and eye_outer_left lie where each other"),
+        (FIVE, MOUTH, "lip_corner_right and lip_corner_left lie"),
+        ((*FIVE, *list(EYES.items())[1]), EYES, "the template, but for lip_corner_right and lip_corner_left: left"),
+        ((*FIVE, *list(EYES.items())[1], "lip_top", "lip_bottom", "lips_upper_3", "lips_upper_7"), EYES,
+         "eye_outer_right and eye_outer_left, eye_inner_right and eye_inner"),
+        (ALL.names, MOUTH, "The landmarks lip_corner_right and lip_corner_left lie"),
+        (ALL.names, {"lip_top": "nose_tip"}, "The landmarks nose_tip and lip_top lie"),
+        (ALL.names, ALONG, r"lips_upper_1 and lips_upper_9, .* \(1 more\) lie"),
+    ],
+)  # fmt: skip
+def test_exchanged_landmarks_are_named(names, exchanged, said):
+    for person in range(1, 4):
+        with pytest.raises(InputError, match=said):
+            check(names, exchanged, person, seed=person)
+
+
+def test_one_landmark_that_is_off_is_a_warning(caplog):
+    names = (*FIVE, "lip_top", "lip_bottom", "between_eyes")
+    points, mesh = ALL.select(list(names)), RIG.mesh
+    here, outside = points.positions(mesh), points.matrix(mesh) @ vertex_normals(mesh.vertices, mesh.faces)
+    there = here.copy()
+    there[2] += [0, 40, 0]
+    check_landmarks(names, here, there, outside, outside)
+    assert "Landmarks that lie far from where the others put them: nose_tip (" in caplog.text
