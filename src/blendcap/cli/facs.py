@@ -14,7 +14,7 @@ from blendcap.cli.outputs import PICTURES, check_outputs
 from blendcap.cli.progress import Progress
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from blendcap.data import Animation
     from blendcap.io.cameras import Cameras
@@ -95,15 +95,10 @@ def train(
     """
     from blendcap.io.models import write_model
     from blendcap.makeup.packing import KIND, VERSION, pack
-    from blendcap.makeup.units import ARKIT_TABLE
 
     check_outputs([output], MODELS)
-    _check_takes(videos, take, turns, weights)
-    shapes, each = ARKIT_TABLE if table is None else _table(table), len(videos) // len(take)
-    progress = Progress(quiet=as_json)
-    films = [videos[k * each : (k + 1) * each] for k in range(len(take))]
-    taught = zip(films, take, turns, weights or [None] * len(take), strict=True)
-    patches, lessons = zip(*(_lesson(*one, footage, progress) for one in taught), strict=True)
+    taught, shapes, progress = _by_take(videos, take, turns, weights), _table(table), Progress(quiet=as_json)
+    patches, lessons = zip(*(_lesson(*files, footage, progress) for files in taught), strict=True)
     frames = sum(len(cut.sure) for cut in patches)
     with progress.step("train", f"Train on {frames:,} frames"):
         classifier = blendcap.train_classifier(
@@ -181,14 +176,13 @@ def predict(
     from blendcap.io import write_animation
     from blendcap.io.models import read_model
     from blendcap.makeup.packing import KIND, VERSION, unpack
-    from blendcap.makeup.units import ARKIT_TABLE
 
     for path, endings in ((output, CURVES), (overlay, VIDEOS), (picture, PICTURES)):
         check_outputs([path], endings)
     progress = Progress(quiet=as_json)
     with progress.step("read", "Read the model, the rig and the take"):
         classifier = unpack(*read_model(model, KIND, VERSION))
-        shapes = ARKIT_TABLE if table is None else _table(table)
+        shapes = _table(table)
         films, setup = _stage(videos, take, footage)
         setup = setup.only(classifier.neutral)
     blocks = _blocks(films, setup, footage.threshold, progress)
@@ -218,12 +212,18 @@ def _show(films: list[Video], setup: Setup, curves: Animation, overlay, picture,
             write_patches_picture(picture, [film.frames(grey=True) for film in films], setup, curves)
 
 
-def _check_takes(videos: Sequence[Path], takes: Sequence[Path], turns: Sequence[Path], weights: Sequence[Path]) -> None:
-    if len(turns) != len(takes) or len(weights) not in (0, len(takes)) or len(videos) % len(takes):
+def _by_take(
+    videos: Sequence[Path], takes: Sequence[Path], turns: Sequence[Path], weights: Sequence[Path]
+) -> list[tuple[Sequence[Path], Path, Path, Path | None]]:
+    """Videos, markers, turns and weights of each take."""
+    each, over = divmod(len(videos), len(takes))
+    if len(turns) != len(takes) or len(weights) not in (0, len(takes)) or over:
         raise blendcap.InputError(
             f"There are {len(takes)} takes, {len(turns)} turns, {len(weights)} weights and {len(videos)} videos; give "
             "turns for each take, weights for each or none, and every take's videos, take by take."
         )
+    films = [videos[k * each : (k + 1) * each] for k in range(len(takes))]
+    return list(zip(films, takes, turns, weights or [None] * len(takes), strict=True))
 
 
 def _stage(videos: Sequence[Path], take: Path, footage: Footage) -> tuple[list[Video], Setup]:
@@ -285,9 +285,13 @@ def _blocks(films: list[Video], setup: Setup, threshold: float | None, progress:
             yield block
 
 
-def _table(path: Path) -> dict[str, dict[str, float]]:
+def _table(path: Path | None) -> Mapping[str, Mapping[str, float]]:
+    """From units to shapes, ARKit's if there is no file."""
     from blendcap.io.opening import read_json
+    from blendcap.makeup.units import ARKIT_TABLE
 
+    if path is None:
+        return ARKIT_TABLE
     table = read_json(path)
     fits = isinstance(table, dict) and all(
         isinstance(shapes, dict) and all(isinstance(w, int | float) for w in shapes.values())
