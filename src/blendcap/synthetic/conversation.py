@@ -10,7 +10,7 @@ from scipy.ndimage import gaussian_filter1d
 from blendcap.data import Animation, InputError, Rig
 from blendcap.data.names import ARKIT52
 from blendcap.synthetic.motion import motion_matrices
-from blendcap.synthetic.performances import both, for_rig, play, steady, uneven
+from blendcap.synthetic.performances import both, for_rig, play, shut, steady, uneven
 
 PHRASES = (
     "h EH l OH  h AW  AA r  j UW", "AY  th IH ng k  s OH", "w EH l  n OH  b AA t  m EY b iy", "f AW r  OH r  f AY v",
@@ -43,6 +43,7 @@ SOUNDS = {
     "t d n l": "tip", "k g ng h": "back", "AY": "AA iy", "AW": "AA UW", "EY": "EH iy",
 }  # fmt: skip
 VOWEL, CONSONANT, PAUSE = 0.13, 0.075, 0.06  # seconds
+EARLY_VOWEL, EARLY = 0.06, 0.045  # seconds by which a mouth comes before its sound, and stays after it
 NOD = 0.12  # rad, of a nod at its strongest
 
 
@@ -66,30 +67,32 @@ def conversation(rig: Rig, rate: float = 60.0, seconds: float = 20.0, seed: int 
     if not seconds > 0:
         raise InputError(f"A conversation needs more than 0 seconds, but {seconds!r} were asked for.")
     rng = np.random.default_rng(seed)
-    cues, nods, now = [], [], rng.uniform(0.3, 0.7)
+    cues, closures, nods, now = [], [], [], rng.uniform(0.3, 0.7)
     while now < seconds:
-        spoken, now = _turn(now, rng)
+        spoken, closed, now = _turn(now, rng)
         heard, nodded, now = _listen(now, rng)
-        cues, nods = cues + spoken + heard, nods + nodded
+        cues, closures, nods = cues + spoken + heard, closures + closed, nods + nodded
     played = play(cues + steady(seconds, rng), ARKIT52, rate, seconds)
     head = _head(play(nods, ("nod", "shake"), rate, seconds).weights, played, rig, rng)
-    return for_rig(Animation(uneven(played, rng), ARKIT52, rate, head), rig)
+    return shut(for_rig(Animation(uneven(played, rng), ARKIT52, rate, head), rig), closures)
 
 
-def _turn(now: float, rng: np.random.Generator) -> tuple[list[tuple], float]:
-    """Cues of one to three phrases from `now` on, and when they end."""
-    cues = []
+def _turn(now: float, rng: np.random.Generator) -> tuple[list[tuple], list[tuple[float, float]], float]:
+    """Cues of one to three phrases from `now` on, when (start, length) lips meet in them, and when they end."""
+    cues, closures = [], []
     for phrase in rng.choice(PHRASES, rng.integers(1, 4), replace=False):
         begin, tempo, strength = now, rng.uniform(0.85, 1.2), rng.uniform(0.8, 1.1)
         for word in str(phrase).split("  "):
             for sound in word.split():
                 length = tempo * (VOWEL if sound[0].isupper() else CONSONANT) * rng.uniform(0.85, 1.2)
                 cues += _sound(sound, now, length, strength)
+                if "lips" in _mouths(sound):
+                    closures.append((now - EARLY, length + 2 * EARLY))
                 now += length
             now += tempo * PAUSE * rng.uniform(0, 1)
         cues += _mood(begin, now, rng)
         now += rng.uniform(0.25, 0.6)
-    return cues, now
+    return cues, closures, now
 
 
 def _sound(sound: str, start: float, length: float, strength: float) -> list[tuple]:
@@ -97,7 +100,7 @@ def _sound(sound: str, start: float, length: float, strength: float) -> list[tup
     mouths = _mouths(sound)
     part, cues = length / len(mouths), []
     for place, mouth in enumerate(mouths):
-        lead = 0.06 if sound[0].isupper() else 0.045
+        lead = EARLY_VOWEL if sound[0].isupper() else EARLY
         begin, end = start + place * part - lead, start + (place + 1) * part + lead
         ramp = (end - begin) / 2.2
         firm = 1.0 if mouth in ("lips", "teeth") else strength  # closures are not slurred

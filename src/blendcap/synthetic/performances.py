@@ -27,8 +27,8 @@ CLOSURES: tuple[tuple[str, Mapping[str, float]], ...] = (
     ("f", {"mouthRollLower": 0.35, "mouthUpperUp*": 0.15, "jawOpen": 0.05}),
     ("t", {"mouthShrugUpper": 0.12, "mouthStretch*": 0.08, "jawOpen": 0.06}),
 )
-PARTING = ("mouthLowerDown", "mouthUpperUp", "mouthFunnel", "mouthStretch", "mouthShrug", "mouthRoll", "mouthDimple",
-           "tongueOut")  # what keeps lips from meeting  # fmt: skip
+PARTING = ("mouthLowerDown", "mouthUpperUp", "mouthFunnel", "mouthStretch", "mouthShrug", "mouthDimple", "tongueOut",
+           "smileOpen")  # what keeps lips from meeting  # fmt: skip
 SHUT_JAW = 0.6  # how far the jaw closes for p, b and m; the lips do the rest
 SYLLABLE = 0.21  # seconds
 RAMP, HOLD = 0.22, 0.10  # seconds: how the range of motion rises and rests
@@ -58,8 +58,8 @@ def speech(rig: Rig, rate: float = 60.0, seconds: float = 10.0, seed: int = 0) -
     """
     rng = np.random.default_rng(seed)
     talk, closures = _talk(seconds, rng)
-    played = _shut(play(talk + steady(seconds, rng), ARKIT52, rate, seconds), closures)
-    return for_rig(Animation(uneven(played, rng), ARKIT52, rate), rig)
+    played = play(talk + steady(seconds, rng), ARKIT52, rate, seconds)
+    return shut(for_rig(Animation(uneven(played, rng), ARKIT52, rate), rig), closures)
 
 
 def for_rig(animation: Animation, rig: Rig, table: Mapping[str, Sequence[str]] | None = None) -> Animation:
@@ -151,22 +151,25 @@ def _ease(x: np.ndarray) -> np.ndarray:
     return np.minimum(x**3 * (10 - 15 * x + 6 * x**2), 1)
 
 
-def _shut(played: Animation, closures: Sequence[tuple[float, float]]) -> Animation:
-    """The animation with lips that meet for p, b and m, each (start, length) in seconds.
+def shut(played: Animation, closures: Sequence[tuple[float, float]]) -> Animation:
+    """The animation of a rig with lips that meet for p, b and m, each closure (start, length) in seconds.
 
-    mouthClose undoes with the lips what the jaw still opens, and all that parts the lips gives way.
+    All that parts the lips gives way, and so does most of the jaw; mouthClose undoes with the lips what the jaw still
+    opens. Where the rig has no mouthClose, the jaw closes altogether.
     """
     times = np.arange(len(played.weights)) / played.rate
-    shut = np.zeros(len(times))
+    closed = np.zeros(len(times))
     for start, length in closures:
         ramp = 0.36 * length
-        shut = np.maximum(shut, _ease((times - start) / ramp) * _ease((start + length - times) / ramp))
-    weights = played.weights.copy()
-    parting = [i for i, name in enumerate(played.names) if name.startswith(PARTING)]
-    weights[:, parting] *= 1 - shut[:, None]
-    jaw, close = (played.names.index(name) for name in ("jawOpen", "mouthClose"))
-    weights[:, jaw] *= 1 - SHUT_JAW * shut
-    weights[:, close] = np.maximum(weights[:, close], shut * weights[:, jaw])
+        closed = np.maximum(closed, _ease((times - start) / ramp) * _ease((start + length - times) / ramp))
+    weights, names = played.weights.copy(), [canonical(name) for name in played.names]
+    weights[:, [name.startswith(PARTING) for name in names]] *= 1 - closed[:, None]
+    if "jawOpen" in names:
+        jaw = weights[:, names.index("jawOpen")]  # a view
+        jaw *= 1 - (SHUT_JAW if "mouthClose" in names else 1.0) * closed
+        if "mouthClose" in names:
+            close = names.index("mouthClose")
+            weights[:, close] = np.maximum(weights[:, close], closed * jaw)
     return replace(played, weights=weights)
 
 

@@ -3,11 +3,13 @@ that does not follow in proportion."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from blendcap.data import Animation, InputError, Rig, SurfacePoints
+from blendcap.data.names import canonical
 
 SHAPE_GAIN = 0.12  # standard deviation of the logarithm, at strength 1
 FIELD_GAIN = 0.10
@@ -28,7 +30,7 @@ class Performer:
     rig : Rig
         The true rig: the caller's shapes in their order with personal deltas, then the correctives.
     drivers : (C, 2) int64
-        The two shapes whose product drives each corrective.
+        The two shapes whose product drives each corrective; of jawOpen, what mouthClose does not undo.
     resistance : (N,) float64
         How far each shape is from linear: at weight w the skin is where `w + resistance w (1 - w)` would put it, so
         that it comes fast and then resists. 0 is linear; within -1 and 1 more weight is always more motion.
@@ -53,7 +55,10 @@ class Performer:
             raise InputError(f"The performer has {len(self.names)} shapes, but the weights are {weights.shape}.")
         inside = np.clip(weights, 0, 1)
         felt = weights + self.resistance * inside * (1 - inside)
-        return np.concatenate([felt, felt[..., self.drivers[:, 0]] * felt[..., self.drivers[:, 1]]], axis=-1)
+        driving = felt.copy()
+        for jaw, close in _jaw_and_close(self.names):
+            driving[..., jaw] = np.clip(felt[..., jaw] - felt[..., close], 0, None)
+        return np.concatenate([felt, driving[..., self.drivers].prod(-1)], axis=-1)
 
     def act(self, animation: Animation) -> Animation:
         """The animation on the true rig, as `expand` does it: its shapes by name (0 if absent) and the correctives."""
@@ -86,9 +91,9 @@ def make_performer(
     """Someone whose face moves much like the rig, but not exactly.
 
     Every delta is multiplied by a gain of the shape and by a smooth gain field over the face (together about 16 %
-    standard deviation at strength 1); left and right shapes of a person have similar gains, and a shape that closes the
-    eyes closes them on every face. Twelve pairs of shapes that move the same skin get a corrective that the rig lacks,
-    10 to 25 % of the smaller driver.
+    standard deviation at strength 1). Left and right shapes of a person have similar gains; a shape that closes the
+    eyes closes them on every face, and mouthClose the lips over an open jaw. Twelve pairs of shapes that move the same
+    skin get a corrective that the rig lacks, 10 to 25 % of the smaller driver.
 
     Parameters
     ----------
@@ -136,7 +141,8 @@ def _resistances(rig: Rig, size: float, rng: np.random.Generator) -> np.ndarray:
         raise InputError(f"A performer's resistance must be 0 or more, but is {size!r}.")
     mean, deviation = RESISTANCE
     bent = size * (mean + deviation * _paired(rig, rng))
-    return np.where((rig.bounds == [0, 1]).all(1), np.clip(bent, -MOST_RESISTANCE, MOST_RESISTANCE), 0)
+    bent = np.clip(bent[_alike(rig)], -MOST_RESISTANCE, MOST_RESISTANCE)
+    return np.where((rig.bounds == [0, 1]).all(1), bent, 0)
 
 
 def _paired(rig: Rig, rng: np.random.Generator) -> np.ndarray:
@@ -170,6 +176,7 @@ def _gains(rig: Rig, neutral, field: _SmoothField, strength: float, rng: np.rand
     energy = np.einsum("nvk,nvk->nv", rig.deltas, rig.deltas)
     log_gain -= (log_gain * energy).sum() / max(float(energy.sum()), 1e-12)  # a face that only does more is no mismatch
     log_gain[_closing(rig)] = 0
+    log_gain = log_gain[_alike(rig)]
     return np.exp(strength * log_gain).astype(np.float32)[..., None]
 
 
@@ -184,8 +191,25 @@ def _closing(rig: Rig) -> list[int]:
     return sorted(found)
 
 
+def _alike(rig: Rig) -> np.ndarray:
+    """(N,): whose personality each shape has; mouthClose undoes what jawOpen does to the lips, so it has that one's."""
+    whose = np.arange(len(rig.names))
+    for jaw, close in _jaw_and_close(rig.names):
+        whose[close] = jaw
+    return whose
+
+
+def _jaw_and_close(names: Sequence[str]) -> list[tuple[int, int]]:
+    """Where jawOpen and mouthClose are, if a rig has both."""
+    place = {canonical(name): i for i, name in enumerate(names)}
+    return [(place["jawOpen"], place["mouthClose"])] if {"jawOpen", "mouthClose"} <= set(place) else []
+
+
 def _co_active_pairs(rig: Rig, deltas: np.ndarray, rng: np.random.Generator) -> list[tuple[int, int]]:
-    """Up to twelve pairs of shapes that move the same skin in different ways, drawn more often the more they share."""
+    """Up to twelve pairs of shapes that move the same skin in different ways, drawn more often the more they share.
+
+    mouthClose is in no pair: what would come with it is a mouth that does not close.
+    """
     size = np.linalg.norm(deltas, axis=2).astype(np.float64)
     energy = np.sqrt((size**2).sum(1)) + 1e-12
     shared = (size @ size.T) / np.outer(energy, energy)
@@ -199,7 +223,8 @@ def _co_active_pairs(rig: Rig, deltas: np.ndarray, rng: np.random.Generator) -> 
         return []
     chance = score[first, second] / score[first, second].sum()
     drawn = rng.choice(len(first), min(CORRECTIVES, np.count_nonzero(chance)), replace=False, p=chance)
-    return [(int(first[k]), int(second[k])) for k in sorted(drawn)]
+    closing = [close for _, close in _jaw_and_close(rig.names)]
+    return [(int(first[k]), int(second[k])) for k in sorted(drawn) if not {first[k], second[k]}.intersection(closing)]
 
 
 def _corrective(pair: np.ndarray, neutral, field: _SmoothField, size: float, rng: np.random.Generator) -> np.ndarray:
