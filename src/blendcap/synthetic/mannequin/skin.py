@@ -106,7 +106,8 @@ def brow(places: np.ndarray, look: Look) -> np.ndarray:
     along = np.clip(t, 0, 1)
     middle = 16.5 + 9.0 * along - 44.0 * np.clip(t - 0.60, 0, 1) ** 1.3
     middle += 4 * (look.brow_arch - 1) * np.sin(np.pi * np.clip(along * 0.85, 0, 1))
-    leaning = np.stack([x * (1 - 0.45 * along) - y * (0.5 + 0.5 * along), 0.16 * (x + y), 9 * np.sign(places[:, 0])], 1)
+    outwards = x - 0.4 * 44 * along**2  # its slope, 1 to 0.2, never turns back: strokes lie down, and do not curl
+    leaning = np.stack([outwards - 0.75 * y, 0.16 * (x + y), 9 * np.sign(places[:, 0])], 1)
     strokes = 1.6 * noise(leaning, 1.1, look.grain + 11)
     across = (y - middle) / (0.5 * look.brow_height * (1 - 0.62 * along)) + 0.25 * strokes
     ends = smoothstep(-0.05, 0.12, t) * smoothstep(1.04, 0.85, t)
