@@ -35,8 +35,9 @@ def paint_teeth(local: np.ndarray) -> np.ndarray:
 
 
 def paint_caruncle(directions: np.ndarray) -> np.ndarray:
-    """Linear color (P, 3): pink towards the nose, white towards the eye."""
-    return np.array([0.56, 0.30, 0.26]) + smoothstep(-0.55, 0.75, directions[:, :1]) * np.array([0.10, 0.30, 0.30])
+    """Linear color (P, 3): pink, and paler in the fold before the eye."""
+    fold = smoothstep(0.3, 0.9, directions[:, :1])
+    return np.array([0.56, 0.30, 0.26]) + fold * np.array([0.08, 0.20, 0.20])
 
 
 def paint_tongue(directions: np.ndarray) -> np.ndarray:

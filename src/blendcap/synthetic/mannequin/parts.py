@@ -164,7 +164,7 @@ def _eye_chart(directions: np.ndarray, quads: np.ndarray) -> np.ndarray:
 def _caruncle(person: Person) -> Part:
     """The pink corner that fills the inner canthus."""
     directions, quads = ball(5)
-    place = directions * [4.4, 4.2, 4.0] + person.globe + [-12.7, -1.2, 5.4]
+    place = directions * [4.4, 4.0, 4.0] + person.globe + [-13.9, -1.2, 4.9]
     return Part("caruncle", place, quads, directions, _flat(directions[:, :2], quads))
 
 
