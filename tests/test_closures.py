@@ -38,9 +38,7 @@ def watch(module, monkeypatch) -> list[tuple[float, float]]:
 
 
 @pytest.mark.parametrize("identity", [0, "lars", "mei", 3])
-@pytest.mark.parametrize(
-    ("module", "play", "seeds"), [(conversing, conversation, (0, 1)), (speaking, speech, (2,))]
-)
+@pytest.mark.parametrize(("module", "play", "seeds"), [(conversing, conversation, (0, 1)), (speaking, speech, (2,))])
 def test_lips_meet_in_played_speech(identity, module, play, seeds, monkeypatch):
     rig = face(identity)
     for seed in seeds:
@@ -60,7 +58,7 @@ def test_lips_meet_in_played_speech(identity, module, play, seeds, monkeypatch):
 def test_lips_meet_over_a_jaw_that_stays_open(shapes, seed):
     """Everything that parts lips at once: a closure takes all of it back but the jaw, which the lips bridge."""
     rig = face(0, shapes)
-    loud = weights(rig, jawOpen=1, mouthFunnel=0.7, mouthUpperUp=0.5, mouthLowerDown=0.5, mouthSmile=0.6, mouthPress=0.3)
+    loud = weights(rig, jawOpen=1, mouthFunnel=0.7, mouthUpperUp=0.5, mouthSmile=0.6, mouthPress=0.3)
     held = speaking.with_correctives(Animation(np.tile(loud, (31, 1)), rig.names, 30.0), rig)
     closed = shut(held, [(0.25, 0.5)])
     assert closed.weights[15, rig.index("jawOpen")] > 0.35
