@@ -223,8 +223,9 @@ def _co_active_pairs(rig: Rig, deltas: np.ndarray, rng: np.random.Generator) -> 
         return []
     chance = score[first, second] / score[first, second].sum()
     drawn = rng.choice(len(first), min(CORRECTIVES, np.count_nonzero(chance)), replace=False, p=chance)
-    closing = [close for _, close in _jaw_and_close(rig.names)]
-    return [(int(first[k]), int(second[k])) for k in sorted(drawn) if not {first[k], second[k]}.intersection(closing)]
+    closing = {close for _, close in _jaw_and_close(rig.names)}
+    pairs = [(int(first[k]), int(second[k])) for k in sorted(drawn)]
+    return [pair for pair in pairs if closing.isdisjoint(pair)]
 
 
 def _corrective(pair: np.ndarray, neutral, field: _SmoothField, size: float, rng: np.random.Generator) -> np.ndarray:
