@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import struct
 import subprocess
 import sys
@@ -361,11 +362,47 @@ def test_info_speaks_to_people_in_lines(folder, capsys):
     lines = capsys.readouterr().out.splitlines()
     assert any(line.split() == ["vertices", "225"] for line in lines)
     assert any("bumpLeft, bumpRight, lift" in line for line in lines)
+    assert any(re.fullmatch(r"size      140 x 180 x \S+ mm \(x, y, z\)", line) for line in lines)
     assert main(["info", "take.c3d"]) == 0
-    assert any(
-        line.split() == ["missing", *["0", "%", "of", "the", "samples"]]
-        for line in capsys.readouterr().out.splitlines()
-    )
+    lines = capsys.readouterr().out.splitlines()
+    assert "unit       mm, as the file says" in lines and "missing    0 % of the samples" in lines
+    assert "seconds    0.6667" in lines and "have gaps  none" in lines
+
+
+def test_info_prints_every_name_wrapped_to_the_terminal(folder, rig, monkeypatch, capsys):
+    names = [f"shapeWithALongName{k}" for k in range(140)]
+    blendcap.write_rig("many.npz", replace(rig, deltas=np.zeros((140, 225, 3)), names=names, bounds=None, mirror=None))
+    monkeypatch.setenv("COLUMNS", "72")
+    assert main(["info", "many.npz"]) == 0
+    said = capsys.readouterr().out
+    assert max(map(len, said.splitlines())) <= 72
+    assert "140: " + ", ".join(names) in " ".join(said.split())
+
+
+def test_info_says_which_markers_have_gaps_and_in_which_unit_the_file_is(folder, capsys):
+    take = blendcap.read_markers("take.c3d")
+    positions = take.positions.copy()
+    positions[20:30, 3] = positions[5, 7] = np.nan
+    blendcap.write_markers("gaps.c3d", replace(take, positions=positions))
+    content = (folder / "gaps.c3d").read_bytes()
+    place = content.index(b"mm", content.index(b"UNITS"))
+    (folder / "none.c3d").write_bytes(content[:place] + b"  " + content[place + 2 :])
+    (folder / "cm.c3d").write_bytes(content[:place] + b"cm" + content[place + 2 :])
+    answers = []
+    for name in ("gaps.c3d", "cm.c3d", "none.c3d"):
+        assert main(["info", name, "--json"]) == 0
+        answers.append(json.loads(capsys.readouterr().out))
+    assert [answer["file_unit"] for answer in answers] == ["mm", "cm", None]
+    assert [answer["unit"] for answer in answers] == ["mm", "mm", None]
+    span = np.ptp(positions[0], axis=0)
+    for answer, scale in zip(answers, (1, 10, 1), strict=True):
+        np.testing.assert_allclose(answer["size"], scale * span, rtol=1e-2)  # ten frames, of which the last ones move
+        assert answer["missing_of_marker"] == {"m27": 0.25, "m63": 0.025}
+    assert main(["info", "none.c3d"]) == 0
+    said = capsys.readouterr().out
+    assert "the file says none; solve it with --unit" in said and "2: m27 25%, m63 2.5%" in said
+    assert main(["solve", "none.c3d", *SOLVE[2:]]) == 1
+    assert "none.c3d does not say the unit of its lengths; say the unit yourself: mm, cm" in capsys.readouterr().err
 
 
 def test_convert_keeps_the_animation(folder, truth, capsys):

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from blendcap.cli.answers import AsJson, print_json, print_lines
+
+ALL = 10_000  # names to print
 
 
 def info(file: Path, /, *, as_json: AsJson = False) -> None:
@@ -22,7 +25,31 @@ def info(file: Path, /, *, as_json: AsJson = False) -> None:
     facts = describe(file)
     if as_json:
         print_json(facts)
-        return
-    if "missing" in facts:
-        facts["missing"] = f"{100 * facts['missing']:.3g} % of the samples"
-    print_lines(facts)
+    else:
+        print_lines(_for_people(facts), most=ALL)
+
+
+def _for_people(facts: dict[str, Any]) -> dict[str, Any]:
+    """The facts as people read them: sizes with their unit, gaps in words, long lists last."""
+    said = dict(facts)
+    if facts["kind"] == "markers":
+        unit = said.pop("file_unit")
+        said["unit"] = f"{unit}, as the file says" if unit else "the file says none; solve it with --unit"
+        said["missing"] = f"{100 * facts['missing']:.3g} % of the samples"
+        gaps = said.pop("missing_of_marker")
+        said["have gaps"] = [f"{name} {100 * share:.2g}%" for name, share in gaps.items()]
+    if "size" in facts:
+        said["size"] = _size(facts)
+    if facts["kind"] != "markers":
+        said.pop("unit", None)  # the size says it
+    if facts["kind"] == "rig":
+        said["points"] = [f"{name} ({count})" for name, count in facts["points"].items()]
+    return dict(sorted(said.items(), key=lambda item: isinstance(item[1], list | dict)))
+
+
+def _size(facts: dict[str, Any]) -> str:
+    if facts["kind"] == "video":
+        return "{} x {} pixels".format(*facts["size"])
+    sides = " x ".join(f"{side:.4g}" for side in facts["size"])
+    of_what = ", of the markers in the first frames" if facts["kind"] == "markers" else ""
+    return f"{sides} {facts['unit'] or 'in the unit of the file'} (x, y, z{of_what})"

@@ -95,11 +95,11 @@ def build(
             said = [*notes, *later]
             write_rig_report(report, built, base, notes=said, seconds=progress.seconds, next_steps=steps)
     facts = _facts(built, base, sized.unit_mm) | {"seconds": progress.seconds}
-    facts["wrote"] = [str(path) for path in (output, report) if path is not None]
+    wrote = facts["wrote"] = [str(path) for path in (output, report) if path is not None]
     if as_json:
         print_json({"notes": [*notes, *later], **facts})
     else:
-        print_lines({name: fact for name, fact in facts.items() if name != "concerns"})
+        print_lines({name: fact for name, fact in facts.items() if name != "concerns"} | {"wrote": ", ".join(wrote)})
         _tell([*later, *facts["concerns"]], as_json)
 
 

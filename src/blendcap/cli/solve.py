@@ -147,7 +147,7 @@ def _say(facts: dict[str, Any], doubts: list[str], files: list[Path], as_json: b
     if as_json:
         print_json(facts | {"look_twice": doubts, "files": written})
         return
-    print_lines({k: v for k, v in facts.items() if k != "rms_mm_per_marker"} | {"wrote": written})
+    print_lines({k: v for k, v in facts.items() if k != "rms_mm_per_marker"} | {"wrote": ", ".join(written)})
     for doubt in doubts:
         print(f"look twice: {doubt}")
 

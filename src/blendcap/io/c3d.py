@@ -40,13 +40,18 @@ def read_c3d(path: str | os.PathLike, unit: str | None = None) -> MarkerTake:
         keep = [i for i, label in enumerate(labels) if label not in outputs]
         if not keep or not len(samples):
             raise InputError(f"{path} holds no markers or no frames; export the labelled take.")
-        units = [u for u in skeleton.texts("UNITS") if u]
-        scale = millimetres(unit or (units[0] if units else ""), str(path))
+        scale = millimetres(unit or _unit(skeleton), str(path))
         positions, residuals = scale * samples[:, keep, :3], scale * samples[:, keep, 3]
         missing = ~(residuals >= 0) | np.isnan(positions).any(2)
         positions[missing] = np.nan
         residuals[missing] = np.nan
         return MarkerTake(positions, _unique([labels[i] for i in keep]), skeleton.number("POINT", "RATE", 0), residuals)
+
+
+def unit_of_c3d(path: str | os.PathLike) -> str:
+    """POINT:UNITS as it stands in a .c3d file; empty if it states none."""
+    with reading(path, "C3D file"):
+        return _unit(read_skeleton(read_bytes(path)))
 
 
 def write_c3d(path: str | os.PathLike, take: MarkerTake) -> None:
@@ -69,6 +74,10 @@ def write_c3d(path: str | os.PathLike, take: MarkerTake) -> None:
     file["data"]["meta_points"]["residuals"] = np.where(take.missing, -1.0, residuals).T[None]
     with write_whole(path) as temporary:
         file.write(str(temporary))
+
+
+def _unit(skeleton: Skeleton) -> str:
+    return next((unit for unit in skeleton.texts("UNITS") if unit), "")
 
 
 def _samples(content: bytes, skeleton: Skeleton, where: str) -> np.ndarray:

@@ -6,6 +6,8 @@ import os
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from blendcap.data import Animation, InputError, MarkerTake, Mesh, Rig
 from blendcap.io import formats
 from blendcap.io.animation_csv import animation_of_table
@@ -18,8 +20,10 @@ from blendcap.io.npz import npz_names, read_meta, read_npz
 from blendcap.io.opening import existing_file, read_json, reading
 from blendcap.io.points_json import read_points
 from blendcap.io.tables import read_table
+from blendcap.io.units import is_unit
 from blendcap.io.video import read_video
 
+FIRST = 10  # frames in which a take is neutral
 FILMS = (".mp4", ".mov", ".m4v", ".mkv", ".avi", ".webm", ".gif")
 Record = Rig | Mesh | MarkerTake | Animation
 
@@ -64,6 +68,8 @@ def describe(path: str | os.PathLike) -> dict[str, Any]:
         return _notes(path)
     if kind == ".npz" and (model := _model(path)):
         return model
+    if kind in formats.MARKERS and (kind != ".csv" or _holds_markers(path)):
+        return _take(path)
     record = read_any(path)
     if isinstance(record, Rig):
         return {"kind": "rig", "name": record.name, "shapes": list(record.names), "points": {k: len(v.names) for k, v in
@@ -71,13 +77,30 @@ def describe(path: str | os.PathLike) -> dict[str, Any]:
                 **_surface(record.mesh)}  # fmt: skip
     if isinstance(record, Mesh):
         return {"kind": "mesh", **_surface(record)}
-    if isinstance(record, MarkerTake):
-        return {"kind": "markers", "frames": len(record.positions), "rate": record.rate,
-                "seconds": len(record.positions) / record.rate, "markers": list(record.names),
-                "missing": float(record.missing.mean()), "timecode": record.timecode, "unit": "mm"}  # fmt: skip
+    assert isinstance(record, Animation)
     return {"kind": "animation", "frames": len(record.weights), "rate": record.rate,
             "seconds": float(record.times[-1] - record.times[0]), "shapes": list(record.names),
             "head": record.head is not None, "meta": dict(record.meta)}  # fmt: skip
+
+
+def _holds_markers(path: str | os.PathLike) -> bool:
+    with reading(path, "CSV file"):
+        table = read_table(path)
+        return not is_live_link(table) and is_marker_table(table)
+
+
+def _take(path: str | os.PathLike) -> dict[str, Any]:
+    """A marker take; `size` is what its first frames span, in mm if the file says its unit, else in the file's own."""
+    stated = formats.unit_of_markers(path)
+    known = is_unit(stated)
+    take = formats.read_markers(path, None if known else "mm")
+    seen = take.positions[:FIRST][np.isfinite(take.positions[:FIRST]).all(2)]
+    lost = take.missing.mean(0)
+    gaps = {take.names[m]: float(lost[m]) for m in np.argsort(-lost, kind="stable") if lost[m] > 0}
+    return {"kind": "markers", "frames": len(take.positions), "rate": take.rate,
+            "seconds": len(take.positions) / take.rate, "file_unit": stated or None, "unit": "mm" if known else None,
+            "size": _size(seen), "markers": list(take.names), "missing": float(lost.mean()), "missing_of_marker": gaps,
+            "timecode": take.timecode}  # fmt: skip
 
 
 def _film(path: str | os.PathLike) -> dict[str, Any]:
@@ -107,9 +130,14 @@ def _model(path: str | os.PathLike) -> dict[str, Any] | None:
 
 
 def _surface(mesh: Mesh) -> dict[str, Any]:
-    size = mesh.vertices.max(0) - mesh.vertices.min(0) if len(mesh.vertices) else [0, 0, 0]
     return {"vertices": len(mesh.vertices), "faces": len(mesh.faces), "uv": mesh.uv is not None,
-            "texture": mesh.texture is not None, "size": [round(float(s), 3) for s in size], "unit": "mm"}  # fmt: skip
+            "texture": mesh.texture is not None, "size": _size(mesh.vertices), "unit": "mm"}  # fmt: skip
+
+
+def _size(points: np.ndarray) -> list[float]:
+    """The box of points (K, 3) along x, y and z."""
+    box = np.ptp(points, axis=0) if len(points) else np.zeros(3)
+    return [round(float(side), 3) for side in box]
 
 
 def _has_targets(path: Path) -> bool:

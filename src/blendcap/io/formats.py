@@ -8,12 +8,12 @@ from pathlib import Path
 from blendcap.data import Animation, InputError, MarkerTake, Mesh, Rig
 from blendcap.io.animation_csv import animation_of_table, write_animation_csv
 from blendcap.io.animation_npz import read_animation_npz, write_animation_npz
-from blendcap.io.c3d import read_c3d, write_c3d
+from blendcap.io.c3d import read_c3d, unit_of_c3d, write_c3d
 from blendcap.io.gltf_rig import read_glb_animation, read_glb_mesh, read_glb_rig
 from blendcap.io.gltf_write import write_glb_mesh, write_glb_rig
 from blendcap.io.ict import NEUTRAL, read_ict_folder, read_ict_pack
 from blendcap.io.livelink import animation_of_live_link, is_live_link, write_live_link
-from blendcap.io.marker_csv import read_marker_csv, write_marker_csv
+from blendcap.io.marker_csv import read_marker_csv, unit_of_marker_csv, write_marker_csv
 from blendcap.io.meshes import read_scan, write_scan
 from blendcap.io.normal_maps import with_normal_maps, write_normal_maps
 from blendcap.io.npz import npz_names
@@ -22,12 +22,16 @@ from blendcap.io.obj_folder import read_obj_folder
 from blendcap.io.opening import existing_file, reading
 from blendcap.io.rig_npz import read_rig_npz, write_rig_npz
 from blendcap.io.tables import read_table
-from blendcap.io.trc import read_trc, write_trc
+from blendcap.io.trc import read_trc, unit_of_trc, write_trc
 from blendcap.io.units import millimetres, warn_if_not_a_head
 
 LIVE_LINK = ".livelink.csv"
 GLTF = (".glb", ".gltf")
-MARKERS = {".c3d": (read_c3d, write_c3d), ".trc": (read_trc, write_trc), ".csv": (read_marker_csv, write_marker_csv)}
+MARKERS = {
+    ".c3d": (read_c3d, write_c3d, unit_of_c3d),
+    ".trc": (read_trc, write_trc, unit_of_trc),
+    ".csv": (read_marker_csv, write_marker_csv, unit_of_marker_csv),
+}
 READ = {  # the endings that a record is read from
     "mesh": (".obj", ".ply", ".stl", *GLTF),
     "rig": (*GLTF, ".npz"),
@@ -124,6 +128,17 @@ def read_markers(path: str | os.PathLike, unit: str | None = None) -> MarkerTake
         If there is no such file, it is broken or empty, or states no unit and none is given.
     """
     return MARKERS[_reading(path, "markers")][0](path, unit)
+
+
+def unit_of_markers(path: str | os.PathLike) -> str:
+    """The unit of length that a marker file states, as it stands there; empty if it states none.
+
+    Raises
+    ------
+    InputError
+        If there is no such file, it is broken, or its ending is not known.
+    """
+    return MARKERS[_reading(path, "markers")][2](path)
 
 
 def read_animation(path: str | os.PathLike) -> Animation:

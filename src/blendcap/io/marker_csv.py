@@ -43,6 +43,12 @@ def take_of_table(table: Table, unit: str | None = None) -> MarkerTake:
     return MarkerTake(positions, names, rate, timecode=table.meta.get("timecode"))
 
 
+def unit_of_marker_csv(path: str | os.PathLike) -> str:
+    """The unit that the line `# unit:` states; empty if there is none."""
+    with reading(path, "marker CSV"):
+        return read_table(path).meta.get("unit", "")
+
+
 def write_marker_csv(path: str | os.PathLike, take: MarkerTake) -> None:
     """Write a take in our CSV form, mm."""
     meta = {"unit": "mm", "rate": f"{take.rate:.12g}"}

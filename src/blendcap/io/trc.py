@@ -21,12 +21,8 @@ _log = logging.getLogger(__name__)
 def read_trc(path: str | os.PathLike, unit: str | None = None) -> MarkerTake:
     """Read a .trc file; `unit` overrides the file's own. Empty cells, and markers at exactly (0, 0, 0), are missing."""
     with reading(path, "TRC file"):
-        lines = [line.rstrip("\r\n") for line in read_text(path).splitlines()]
-        if len(lines) < 6 or not lines[0].startswith("PathFileType"):
-            raise InputError(f"{path} is no TRC file: it does not start with PathFileType and five lines of header.")
-        comma = "\t" not in lines[0]  # some spreadsheets save it with commas
-        rows = [[cell.strip() for cell in line.split("," if comma else "\t")] for line in lines]
-        facts = dict(zip(rows[1], rows[2], strict=False))
+        rows = _rows(path)
+        facts = _facts(rows)
         names = [cell for cell in rows[3][2:] if cell]
         if "NumMarkers" in facts and int(facts["NumMarkers"]) != len(names):
             raise InputError(f"{path} declares {facts['NumMarkers']} markers, but names {len(names)}; export it again.")
@@ -42,6 +38,12 @@ def read_trc(path: str | os.PathLike, unit: str | None = None) -> MarkerTake:
         positions[(positions == 0).all(2)] = np.nan
         scale = millimetres(unit or facts.get("Units", ""), str(path))
         return MarkerTake(scale * positions, tuple(names), stated_rate(facts.get("DataRate"), None, str(path)))
+
+
+def unit_of_trc(path: str | os.PathLike) -> str:
+    """`Units` as it stands in a .trc file; empty if it states none."""
+    with reading(path, "TRC file"):
+        return _facts(_rows(path)).get("Units", "")
 
 
 def write_trc(path: str | os.PathLike, take: MarkerTake) -> None:
@@ -60,6 +62,18 @@ def write_trc(path: str | os.PathLike, take: MarkerTake) -> None:
         lines.append(f"{frame + 1}\t{frame / take.rate:.9g}\t" + "\t".join(cells))
     with write_whole(path) as temporary:
         temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _rows(path: str | os.PathLike) -> list[list[str]]:
+    lines = [line.rstrip("\r\n") for line in read_text(path).splitlines()]
+    if len(lines) < 6 or not lines[0].startswith("PathFileType"):
+        raise InputError(f"{path} is no TRC file: it does not start with PathFileType and five lines of header.")
+    comma = "\t" not in lines[0]  # some spreadsheets save it with commas
+    return [[cell.strip() for cell in line.split("," if comma else "\t")] for line in lines]
+
+
+def _facts(rows: list[list[str]]) -> dict[str, str]:
+    return dict(zip(rows[1], rows[2], strict=False))
 
 
 def _number(cell: str, path: str | os.PathLike) -> float:

@@ -26,12 +26,22 @@ _log = logging.getLogger(__name__)
 
 def millimetres(unit: str, where: str) -> float:
     """How many millimetres one `unit` is; `where` names the file in the error."""
-    name = unit.strip().lower()
-    name = _SPELLINGS.get(name.rstrip("s"), name)
+    name = _plain(unit)
     if name not in MILLIMETRES:
         known = ", ".join(MILLIMETRES)
-        raise InputError(f"{where} gives lengths in {unit!r}, which is unknown; say the unit yourself: {known}.")
+        stated = f"gives lengths in {unit!r}, which is unknown" if unit else "does not say the unit of its lengths"
+        raise InputError(f"{where} {stated}; say the unit yourself: {known}.")
     return MILLIMETRES[name]
+
+
+def is_unit(unit: str) -> bool:
+    """Whether a unit of length is known, in any spelling."""
+    return _plain(unit) in MILLIMETRES
+
+
+def _plain(unit: str) -> str:
+    name = unit.strip().lower()
+    return _SPELLINGS.get(name.rstrip("s"), name)
 
 
 def warn_if_not_a_head(vertices: np.ndarray, where: str) -> None:

@@ -6,6 +6,7 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from blendcap.data import Binding, Rig, Solution
+from blendcap.data.names import listed
 from blendcap.view.plots import marker_errors
 from blendcap.view.posing import weights_on
 
@@ -15,6 +16,7 @@ FAR = 1.0  # mm
 ELSEWHERE = 15.0, 5.0  # mm, and times the usual distance, of a neutral marker from its place: it belongs elsewhere
 AROUND = 0.5  # seconds over which a marker's error is averaged before it is judged
 MOST = 6  # bad markers to name; the table has them all
+NAMED = 12  # shapes that nobody sees; the table has them all
 MISFIT = 3.0  # mm, of all markers and frames: more than another's face explains
 APART = 0.3  # of a weight: patches and markers disagree
 TOGETHER = 0.25  # weight above which a shape counts in that
@@ -82,8 +84,8 @@ def _unseen(solution: Solution) -> list[str]:
         ([n for n in solution.unseen if n not in solution.held], "follow their partner or are a guess"),
     ):
         if names:
-            listed = ", ".join(f"{name} ({sight(solution.unseen[name])})" for name in names)
-            said.append(f"These markers cannot tell {len(names)} of the shapes, which {what}: {listed}.")
+            told = [f"{name} ({sight(solution.unseen[name])})" for name in names]
+            said.append(f"These markers cannot tell {len(names)} of the shapes, which {what}: {listed(told, NAMED)}.")
     return said
 
 
