@@ -283,7 +283,37 @@ def coupling_without_its_method(folder, rig, truth):
     return [*SOLVE, "--coupling", "1"], "--coupling belongs to --method paper, not to learned; leave it out."
 
 
-REFUSALS = [missing_file, missing_rig, truncated_glb, obj_with_other_topology, c3d_that_is_none, empty_take,
+def misspelt_stable_marker(folder, rig, truth):
+    arguments = [*SOLVE, "--stable", "m0", "--stable", "m99x", "--stable", "m18"]
+    return arguments, "--stable names the marker 'm99x', which the take does not have; do you mean 'm99'?"
+
+
+def unknown_stable_marker(folder, rig, truth):
+    sentence = (
+        "--stable names the marker 'helmet', which the take does not have; there are m0, m9, m18, m27, m36, m45, m54, "
+        "m63, m72, m81, m90, m99 and 13 more."
+    )
+    return [*SOLVE, "--stable", "helmet"], sentence
+
+
+def stable_marker_without_a_place(folder, rig, truth):
+    (folder / "few.json").write_text('{"m0": 0, "m9": 9, "m18": 18, "m27": 27}', encoding="utf-8")
+    sentence = "--stable names the marker 'm36', which has no correspondence; there are m0, m9, m18, m27."
+    return [*changed(SOLVE, places="few.json"), "--stable", "m0", "--stable", "m36"], sentence
+
+
+def too_few_stable_markers(folder, rig, truth):
+    return [*SOLVE, "--stable", "m0"], "--stable names only 1; to find the head takes at least three markers."
+
+
+def stable_markers_of_a_head_that_is_kept(folder, rig, truth):
+    sentence = "--stable says how to remove the head's motion, and --head keep not to; choose one."
+    return [*SOLVE, "--stable", "m0", "--head", "keep"], sentence
+
+
+REFUSALS = [misspelt_stable_marker, unknown_stable_marker, stable_marker_without_a_place, too_few_stable_markers,
+            stable_markers_of_a_head_that_is_kept,
+            missing_file, missing_rig, truncated_glb, obj_with_other_topology, c3d_that_is_none, empty_take,
             all_missing_marker, nan_frame, unknown_label, unknown_place, vertex_that_is_none,
             correspondences_that_are_no_json, rate_zero, unknown_shape, unknown_shape_to_evaluate, no_such_folder,
             output_is_a_folder, unknown_ending, unknown_ending_of_the_second_output, rig_of_unknown_ending,

@@ -101,6 +101,8 @@ REFUSALS = [
     (points, {"names": ("a", "a")}, "The points' names has 'a' 2 times; every name must be used once."),
     (points, {"names": ("a", "")}, "The points' names has an empty name at place 1; give it one."),
     (points, {"names": "ab"}, "The points' names must be a sequence of names, but is the one string 'ab'."),
+    (points, {"names": None}, "The points' names must be a sequence of names, but is None; leave it out if there is "
+     "none."),
     (points, {"faces": [0]}, "The points' faces must have the shape (2,), but has (1,)."),
     (points, {"barycentric": [[1, 0, 0], [0.2, 0.2, 0.2]]},
      "The barycentric weights of point 'b' sum to 0.6; they must sum to 1."),

@@ -587,8 +587,8 @@ def test_live_eases_to_rest_when_it_sees_nothing():
     "wrong",
     [{"method": "magic"}, {"helmet": "hat"}, {"head": "off"}, {"beta": -1.0}, {"gamma": np.nan}, {"coupling": np.inf},
      {"longest_gap": -0.1}, {"noise": 0.0}, {"noise": np.nan}, {"symmetry": 1.0}, {"passes": 0}, {"passes": 1.5},
-     {"passes": True}, {"passes": 10**9}, {"beta": "a"}, {"noise": "quiet"}, {"coupling": 1e7}, {"stable": "abc"},
-     {"smoothness": 1e9}, {"noise": 1e308}, {"model_error": 1e160}],
+     {"passes": True}, {"passes": 10**9}, {"beta": "a"}, {"noise": "quiet"}, {"coupling": 1e7},
+     {"stable": "abc"}, {"stable": None},     {"smoothness": 1e9}, {"noise": 1e308}, {"model_error": 1e160}],
 )  # fmt: skip
 def test_settings_refuse_what_makes_no_sense(wrong):
     with pytest.raises(InputError, match=str(next(iter(wrong)))):

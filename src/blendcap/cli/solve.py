@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
+from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -131,6 +133,7 @@ def solve(
         motion = None if rom is None else read_markers(rom, unit=unit)
         places = None if correspondences is None else read_correspondences(correspondences)
         curves = None if patches is None else read_animation(patches)
+    _check_stable(settings, the_take, places)
     hybrid = {"patches": curves, "patches_offset": patches_offset}
     binding, solution = bind_and_solve(the_rig, the_take, places, motion, settings, progress, **hybrid)
     beside = None
@@ -140,6 +143,27 @@ def solve(
     told = _shifted(curves, patches_offset)
     files = write_answers(the_rig, solution, binding, progress, outputs, alone=beside, patches=told)
     _say(summary(the_take, solution, progress), concerns(the_rig, solution, binding), files, as_json)
+
+
+def _check_stable(settings: SolveSettings, take: MarkerTake, places: Mapping[str, Any] | None) -> None:
+    """Refuse stable markers that the solve could not use, before the work."""
+    from blendcap.data.names import listed
+
+    if not settings.stable:
+        return
+    if settings.head == "keep":
+        raise blendcap.InputError("--stable says how to remove the head's motion, and --head keep not to; choose one.")
+    known = [name for name in take.names if places is None or name in places]
+    for name in settings.stable:
+        if name not in known:
+            lacks = "has no correspondence" if name in take.names else "the take does not have"
+            close = get_close_matches(name, known, 1)
+            hint = f"do you mean {close[0]!r}?" if close else f"there are {listed(known, 12)}."
+            raise blendcap.InputError(f"--stable names the marker {name!r}, which {lacks}; {hint}")
+    if len(settings.stable) < 3:
+        raise blendcap.InputError(
+            f"--stable names only {len(settings.stable)}; to find the head takes at least three markers."
+        )
 
 
 def _say(facts: dict[str, Any], doubts: list[str], files: list[Path], as_json: bool) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -35,6 +35,8 @@ def names(values: Sequence[str], what: str) -> tuple[str, ...]:
     """`values` as a tuple of different, non-empty strings."""
     if isinstance(values, str):
         raise InputError(f"{what} must be a sequence of names, but is the one string {values!r}.")
+    if not isinstance(values, Iterable):
+        raise InputError(f"{what} must be a sequence of names, but is {values!r}; leave it out if there is none.")
     result = tuple(str(v) for v in values)
     if not all(result):
         raise InputError(f"{what} has an empty name at place {result.index('')}; give it one.")
