@@ -17,10 +17,12 @@ from blendcap.io import read_video, write_video
 from blendcap.io.cameras import read_cameras, write_cameras
 from blendcap.io.models import write_model
 from blendcap.io.turns import read_turns
+from blendcap.makeup.classifier import PatchClassifier, RegionModel
 from blendcap.makeup.lesson import Lesson
 from blendcap.makeup.packing import KIND, VERSION, pack
 from blendcap.makeup.setup import Setup, locate
 from blendcap.makeup.training import train_classifier
+from blendcap.makeup.units import Region
 from blendcap.rendering.camera import look_at, project
 from blendcap.synthetic.exercises import action_units
 from blendcap.synthetic.head_camera import film_head, mount_head_camera
@@ -32,6 +34,10 @@ from toy_makeup import REGION, perform
 
 RATE, SIZE = 15.0, (480, 360)
 UNITS = ("1+2", "45")
+REST = RegionModel(
+    Region("brows", (), ("AU4",)), np.zeros((1, 1), dtype=np.float32), np.zeros(1), np.zeros((0, 2), dtype=int),
+    np.zeros(2), np.ones((0, 2)), np.zeros(1),
+)  # fmt: skip
 LIDS = ("eyeBlinkLeft", "eyeBlinkRight")
 
 
@@ -145,6 +151,19 @@ def test_options_of_a_prediction_reach_the_curves(weak, tmp_path):
     lids = default.names.index("eyeBlinkLeft")
     assert default.weights[:, lids].max() > 0.85 and 0.5 < as_told.weights[:, lids].max() < 0.7
     assert quiet.confidence[0].max() < 0.05 < default.confidence[0].max()
+
+
+def test_the_threshold_reaches_the_patches(tmp_path, monkeypatch, capsys):
+    film = SimpleNamespace(count=3, size=SIZE, rate=RATE, frames=lambda grey: iter([]))
+    monkeypatch.setattr("blendcap.cli.facs._stage", lambda *_: ([film], Setup({}, [np.zeros((0, 2))], [])))
+    (tmp_path / "t.csv").write_text("start,end,unit\n0,1,AU4\n", encoding="utf-8")
+    common = [word for option in ("--cameras", "--rig", "--take") for word in (option, "unused")]
+    common += ["-o", str(tmp_path / "o.npz"), "--threshold", "-1"]
+    assert main(["facs", "train", "v.mp4", *common, "--turns", str(tmp_path / "t.csv")]) == 1
+    assert "The threshold of paint is -1, but must be 0 or more" in capsys.readouterr().err
+    write_model(tmp_path / "m.npz", KIND, VERSION, *pack(PatchClassifier([REST], {})))
+    assert main(["facs", "predict", "v.mp4", *common, "--model", str(tmp_path / "m.npz")]) == 1
+    assert "The threshold of paint is -1, but must be 0 or more" in capsys.readouterr().err
 
 
 def test_cameras_come_back_from_their_file(tmp_path):
