@@ -139,8 +139,9 @@ def unknown_label(folder, rig, truth):
 def unknown_place(folder, rig, truth):
     (folder / "odd.json").write_text('{"m0": 0, "m9": 9, "m18": "landmarks68/30"}', encoding="utf-8")
     sentence = (
-        "The correspondences put marker 'm18' on 'landmarks68/30', but the rig has no point set 'landmarks68'; "
-        "it has none."
+        "The rig 'sheet' has no points 'landmarks68'; write the vertex numbers of the 68 landmarks into "
+        'landmarks68.json, {"0": 1234, "1": 1250, ..., "67": 4321}, and give them to it: '
+        "blendcap rig convert RIG OUT.glb --points landmarks68.json."
     )
     return changed(SOLVE, places="odd.json"), sentence
 
@@ -523,12 +524,16 @@ def test_the_c3d_of_this_test_is_one_that_other_programs_read(folder):
 
 
 def test_rig_convert_gives_a_rig_its_landmarks(folder, rig, capsys):
-    places = {str(i): int(rig.mesh.faces[i, 1]) for i in range(68)}
+    places = {str(i): int(rig.mesh.faces[i, 1]) for i in reversed(range(68))}  # their order in the file is free
     (folder / "landmarks68.json").write_text(json.dumps(places))
     assert main(["rig", "convert", "rig.glb", "new.glb", "--points", "landmarks68.json"]) == 0
     back = landmarks68(blendcap.read_rig(folder / "new.glb"))
-    there = rig.mesh.vertices[list(places.values())]
+    there = rig.mesh.vertices[rig.mesh.faces[:68, 1]]
     np.testing.assert_allclose(back.positions(rig.mesh), there, atol=1e-3)
+    (folder / "landmarks68.json").write_text(json.dumps(places | {"30": 0}).replace('"31"', '"nose"'))
+    assert main(["rig", "convert", "rig.glb", "other.glb", "--points", "landmarks68.json"]) == 1
+    said = capsys.readouterr().err
+    assert "has no point '31' in 'landmarks68'" in said and '{"0": 1234, ' in said and "rig convert RIG" in said
     (folder / "landmarks68.json").write_text('{"30": 99999999}')
     assert main(["rig", "convert", "rig.glb", "other.glb", "--points", "landmarks68.json"]) == 1
     assert "vertex 99999999" in capsys.readouterr().err and not (folder / "other.glb").exists()

@@ -28,11 +28,14 @@ def convert(source: Path, out: Path, /, *, points: Path | None = None) -> None:
         them as the point set that the file is named after. `landmarks68.json`, with the names "0" to "67", gives a rig
         the landmarks that `rig build --template` and `facs` need.
     """
+    from blendcap.data import landmarks68
     from blendcap.io import read_correspondences, read_rig, write_rig
     from blendcap.markers.correspondences import resolve
 
     answer = read_rig(source)
     if points is not None:
         answer = replace(answer, points={**answer.points, points.stem: resolve(answer, read_correspondences(points))})
+        if points.stem == "landmarks68":
+            landmarks68(answer)  # says which is lacking
     write_rig(out, answer)
     print(f"{out}: {len(answer.mesh.vertices):,} vertices, {len(answer.names)} shapes")

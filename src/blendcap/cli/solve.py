@@ -122,6 +122,7 @@ def solve(
     as_json
         Print the answer as JSON.
     """
+    from blendcap.data import landmarks68
     from blendcap.io import read_animation, read_correspondences, read_markers, read_rig
     from blendcap.view.concerns import concerns
 
@@ -133,6 +134,8 @@ def solve(
         motion = None if rom is None else read_markers(rom, unit=unit)
         places = None if correspondences is None else read_correspondences(correspondences)
         curves = None if patches is None else read_animation(patches)
+    if any(str(place).startswith("landmarks68/") for place in (places or {}).values()):
+        landmarks68(the_rig)  # says how to give it some
     _check_stable(settings, the_take, places)
     hybrid = {"patches": curves, "patches_offset": patches_offset}
     binding, solution = bind_and_solve(the_rig, the_take, places, motion, settings, progress, **hybrid)

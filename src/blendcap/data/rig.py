@@ -180,12 +180,16 @@ def landmarks68(rig: Rig) -> SurfacePoints:
     Raises
     ------
     InputError
-        If it has none.
+        If it has none, or not all.
     """
+    names = [str(number) for number in range(68)]
     points = rig.points.get("landmarks68")
-    if points is None or len(points.names) != 68:
+    lacking = names if points is None else [name for name in names if name not in points.names]
+    if points is None or lacking:
+        which = "points 'landmarks68'" if points is None else f"point {lacking[0]!r} in 'landmarks68'"
         raise InputError(
-            f"The rig {rig.name!r} has no points 'landmarks68'; write where its 68 landmarks lie into landmarks68.json "
-            "and give them to it: blendcap rig convert RIG OUT.glb --points landmarks68.json."
+            f"The rig {rig.name!r} has no {which}; write the vertex numbers of the 68 landmarks into landmarks68.json, "
+            '{"0": 1234, "1": 1250, ..., "67": 4321}, and give them to it: '
+            "blendcap rig convert RIG OUT.glb --points landmarks68.json."
         )
-    return points
+    return points.select(names)
