@@ -65,9 +65,7 @@ def build(
         Print the answer as JSON.
     """
     from blendcap.cli.rig_examples import example_files, read_examples, read_scan, refined
-    from blendcap.io import read_rig, write_rig
-    from blendcap.modeling.shut_eyes import keep_eyes_open
-    from blendcap.view.rig_report import write_rig_report
+    from blendcap.io import read_rig
 
     check_outputs([output], RIGS)
     check_outputs([report], PAGES)
@@ -77,25 +75,16 @@ def build(
         raw, stated = read_scan(scan, unit)
         base = blendcap.mannequin() if template is None else read_rig(template)
     with progress.step("landmarks", "Find landmarks" if landmarks is None else f"Read {landmarks}"):
-        ready, pairs, notes = _ready(raw, base, landmarks, stated)
-        pairs, free, said = keep_eyes_open(base, pairs)
-        notes += said
+        ready, pairs, free, notes = _ready(raw, base, landmarks, stated)
     _tell(notes, as_json)
     given = read_examples(files, unit, ready.unit_mm, base, progress)
     with progress.step("build", "Lay the template onto the scan and carry its shapes over") as tell:
         built, sized = _built(base, ready, pairs, free, stated, backend, tell)
-    later = sized.notes[len(ready.notes) :]
     if given:
         built = replace(built, rig=refined(built.rig, given, sized.unit_mm / ready.unit_mm, progress))
-    with progress.step("write", f"Write {output}"):
-        write_rig(output, built.rig)
-    if report is not None:
-        with progress.step("report", f"Write {report}"):
-            steps = [f"Open {output.name} in Blender or any viewer of glTF files."]
-            said = [*notes, *later]
-            write_rig_report(report, built, base, notes=said, seconds=progress.seconds, next_steps=steps)
-    facts = _facts(built, base, sized.unit_mm) | {"seconds": progress.seconds}
-    wrote = facts["wrote"] = [str(path) for path in (output, report) if path is not None]
+    later = sized.notes[len(ready.notes) :]
+    wrote = _write(output, report, built, base, [*notes, *later], progress)
+    facts = _facts(built, base, sized.unit_mm) | {"seconds": progress.seconds, "wrote": wrote}
     if as_json:
         print_json({"notes": [*notes, *later], **facts})
     else:
@@ -111,10 +100,11 @@ def _tell(sentences: Iterable[str], as_json: bool) -> None:
 
 def _ready(
     raw: Mesh, base: Rig, landmarks: Path | None, stated: str | None
-) -> tuple[ReadyScan, Pairs | None, list[str]]:
-    """The scan made ready, pairs of landmarks in mm if there are any, and what to say of both."""
+) -> tuple[ReadyScan, Pairs | None, np.ndarray, list[str]]:
+    """The scan made ready, landmarks in mm if there are any, vertices that shut eyes leave free, what to say of all."""
     from blendcap.modeling.landmark_pairs import check_pairs, find_pairs
     from blendcap.modeling.scan_repair import check_unit, ready_scan, unit_by_landmarks
+    from blendcap.modeling.shut_eyes import keep_eyes_open
 
     given, notes = find_pairs(raw, base) if landmarks is None else (_read_landmarks(landmarks, raw, base), [])
     unit_mm, note = (1.0, None) if stated else unit_by_landmarks(given, base)
@@ -124,7 +114,8 @@ def _ready(
         check_pairs(base, pairs, ready.mesh)
     if stated:
         note = check_unit(stated, ready.mesh, pairs, base)
-    return ready, pairs, [*notes, *([note] if note else []), *ready.notes]
+    pairs, free, said = keep_eyes_open(base, pairs)
+    return ready, pairs, free, [*notes, *([note] if note else []), *ready.notes, *said]
 
 
 def _built(
@@ -142,6 +133,23 @@ def _built(
         return built, ready
     tell("again in the size of the template")
     return build_rig(base, sized.mesh, None, backend=backend, tell=tell), sized
+
+
+def _write(
+    output: Path, report: Path | None, built: BuiltRig, base: Rig, notes: list[str], progress: Progress
+) -> list[str]:
+    """Write the rig, and the page if one is asked for; returns the files."""
+    from blendcap.io import write_rig
+    from blendcap.view.rig_report import write_rig_report
+
+    with progress.step("write", f"Write {output}"):
+        write_rig(output, built.rig)
+    if report is None:
+        return [str(output)]
+    with progress.step("report", f"Write {report}"):
+        steps = [f"Open {output.name} in Blender or any viewer of glTF files."]
+        write_rig_report(report, built, base, notes=notes, seconds=progress.seconds, next_steps=steps)
+    return [str(output), str(report)]
 
 
 def _facts(built: BuiltRig, base: Rig, unit_mm: float) -> dict[str, Any]:
