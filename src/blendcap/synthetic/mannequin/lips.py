@@ -170,7 +170,7 @@ def roll_upper(face: Face) -> np.ndarray:
 
 def roll_lower(face: Face) -> np.ndarray:
     """The lower lip rolls in over the teeth."""
-    return face.sealed(_rolled(face, face.lower, (0, 0.21, -0.46)))
+    return face.sealed(_rolled(face, face.lower, (0, 0.34, -0.46)))
 
 
 def bite(face: Face) -> np.ndarray:

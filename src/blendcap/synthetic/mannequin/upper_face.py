@@ -75,8 +75,8 @@ def cheek_puff(face: Face) -> np.ndarray:
     """Air fills the cheeks; the lips hold."""
     lips = lip_weights(face)
     size = 0.2 * float(np.linalg.norm(face.at("R9") - face.at("fold.4")))
-    cheek = _cheek(face, (22, 19, 30)) * (1 - 0.6 * face.mouth)
-    blown = 1.55 * size * cheek[:, None] * (0.65 * face.normals + [0.45, 0, 0.2])
+    cheek = _cheek(face, (22, 24, 29)) * (1 - 0.6 * face.mouth)
+    blown = 1.35 * size * cheek[:, None] * (0.65 * face.normals + [0.45, 0, 0.2])
     return face.sealed(blown + push(0.6 * lips, (0, 0, 2.0)) + push(-0.06 * lips * face.points[:, 0], (1, 0, 0)))
 
 
