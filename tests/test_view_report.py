@@ -6,6 +6,7 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from blendcap.data import Animation, Binding, Certificate, InputError, Mesh, Rig, Solution, SurfacePoints, triangulate
 from blendcap.view import Film, plots, write_comparison, write_plot, write_report
@@ -100,6 +101,24 @@ def test_curves_hold_the_numbers(rig, solution):
     np.testing.assert_allclose([line.get_ydata() for line in lower.lines], np.degrees(solution.helmet[:, 3:]).T)
     upper, _ = plots.plot_head(solution.animation).axes
     np.testing.assert_array_equal(upper.lines[0].get_ydata(), np.arange(FRAMES))
+
+
+def test_motion_says_its_units_its_directions_and_what_moves(solution):
+    bare = replace(solution, animation=replace(solution.animation, head=None))
+    figures = [plots.plot_helmet(solution), plots.plot_helmet(bare), plots.plot_head(solution.animation)]
+    titles = [figure.axes[0].get_title(loc="left") for figure in figures]
+    assert "left of the head's motion" in titles[0] and "helmet" in titles[1] and "first frame" in titles[2]
+    for figure in figures:
+        upper, lower = figure.axes
+        assert (upper.get_ylabel(), lower.get_ylabel()) == ("shift, mm", "turn, degrees")
+        assert [line.get_label() for line in upper.lines] == ["x, to the subject's left", "y, up", "z, forward"]
+        assert lower.get_legend() is not None
+    nose, crown = np.array([0, 0, 90.0]), np.array([0, 90.0, 0])
+    words = {"nods down": (nose, [0, -1, 0]), "looks left": (nose, [1, 0, 0]), "tilts right": (crown, [-1, 0, 0])}
+    for line, axis in zip(lower.lines, np.eye(3), strict=True):
+        place, towards = words[line.get_label().split(", ")[1]]
+        moved = Rotation.from_rotvec(0.1 * axis).apply(place) - place
+        assert moved @ towards > 0.99 * np.linalg.norm(moved)
 
 
 def test_markers_plot_shows_the_worst_frame_from_front_and_side(rig, solution):

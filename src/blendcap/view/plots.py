@@ -13,6 +13,9 @@ from blendcap.view.posing import weights_on
 from blendcap.view.style import BLUE, GREEN, GRID, INK, RED, SIX, new_figure, plain, styled, thinned
 
 ACTIVE = 0.01  # a weight that varies by less does not move
+HELMET, LEFT_OVER = "The helmet against the head", "What is left of the head's motion after it was taken out"
+SHIFTS = ("x, to the subject's left", "y, up", "z, forward")
+TURNS = ("about x, nods down", "about y, looks left", "about z, tilts right")
 ABOVE: dict[str, Any] = {"loc": "lower right", "bbox_to_anchor": (1, 1), "borderpad": 0.2}  # a legend off the curves
 
 if TYPE_CHECKING:
@@ -116,10 +119,14 @@ def plot_markers(rig: Rig, solution: Solution, frame: int | None = None) -> Figu
 
 @styled
 def plot_helmet(solution: Solution) -> Figure:
-    """Six curves of how the helmet moved against the head (figures 61 and 62)."""
+    """Six curves of how all markers moved together beside what the face did (figures 61 and 62).
+
+    That is the helmet's motion against the head, or, of a take whose head motion was removed, what is left of that.
+    """
     if solution.helmet is None:
         raise InputError("The solution has no helmet motion; solve with a helmet to plot it.")
-    return _six(solution.animation.times, solution.helmet, "Helmet against head")
+    stage = solution.animation.head is not None
+    return _six(solution.animation.times, solution.helmet, LEFT_OVER if stage else HELMET)
 
 
 @styled
@@ -131,7 +138,7 @@ def plot_head(animation: Animation) -> Figure:
         raise InputError("The animation has no head motion to plot.")
     turn = Rotation.from_matrix(animation.head[:, :3, :3]).as_rotvec()
     shift = animation.head[:, :3, 3] - animation.head[0, :3, 3]
-    return _six(animation.times, np.hstack([shift, turn]), "Head against its first frame")
+    return _six(animation.times, np.hstack([shift, turn]), "The head against its first frame")
 
 
 @styled
@@ -182,11 +189,12 @@ def marker_errors(solution: Solution) -> tuple[np.ndarray, np.ndarray]:
 def _six(times: np.ndarray, motion: np.ndarray, title: str) -> Figure:
     figure = new_figure(8, 3.4)
     upper, lower = figure.subplots(2, 1, sharex=True)
-    for axes, columns, unit in ((upper, motion[:, :3], "mm"), (lower, np.degrees(motion[:, 3:]), "degrees")):
-        for column, axis, color in zip(columns.T, "xyz", SIX, strict=False):
-            axes.plot(*thinned(times, column), color=color, label=axis)
+    parts = ((upper, motion[:, :3], "shift, mm", SHIFTS), (lower, np.degrees(motion[:, 3:]), "turn, degrees", TURNS))
+    for axes, columns, unit, names in parts:
+        for column, name, color in zip(columns.T, names, SIX, strict=False):
+            axes.plot(*thinned(times, column), color=color, label=name)
         axes.set_ylabel(unit)
-    upper.legend(ncols=3, **ABOVE)
+        axes.legend(ncols=3, **ABOVE)
     upper.set_title(title)
     lower.set_xlabel("seconds")
     lower.set_xlim(*_span(times))

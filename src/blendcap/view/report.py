@@ -20,6 +20,10 @@ from blendcap.view.style import inline_svg
 LARGEST_FILM = 8_000_000  # bytes; a larger one stays beside the page
 FILMS = {".mp4": "video/mp4", ".gif": "image/gif"}
 PICTURE = (1200, 640)
+TOGETHER = (
+    "How all markers moved together, found with the face and no part of its weights: the slip of a helmet, or what the "
+    "stable markers did not tell of the head."
+)
 
 
 def write_report(
@@ -130,14 +134,14 @@ def _pictures(rig: Rig, solution: Solution, binding: Binding | None) -> str:
 
 
 def _curves(solution: Solution, binding: Binding | None) -> str:
-    figures = [plots.plot_rms(solution), plots.plot_weight_sum(solution.animation)]
+    figures = [(plots.plot_rms(solution), ""), (plots.plot_weight_sum(solution.animation), "")]
     if solution.helmet is not None:
-        figures.append(plots.plot_helmet(solution))
+        figures.append((plots.plot_helmet(solution), TOGETHER))
     if solution.animation.head is not None:
-        figures.append(plots.plot_head(solution.animation))
+        figures.append((plots.plot_head(solution.animation), "Removed before the solve; .glb and .npz keep it."))
     if binding is not None and len(binding.errors):
-        figures.append(plots.plot_convergence(binding))
-    return "".join(page.figure(inline_svg(figure)) for figure in figures)
+        figures.append((plots.plot_convergence(binding), ""))
+    return "".join(page.figure(inline_svg(figure), words) for figure, words in figures)
 
 
 def _shapes_table(solution: Solution) -> str:
