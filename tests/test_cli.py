@@ -312,7 +312,39 @@ def stable_markers_of_a_head_that_is_kept(folder, rig, truth):
     return [*SOLVE, "--stable", "m0", "--head", "keep"], sentence
 
 
-REFUSALS = [misspelt_stable_marker, unknown_stable_marker, stable_marker_without_a_place, too_few_stable_markers,
+def glb_that_is_none(folder, rig, truth):
+    (folder / "rig.glb").write_bytes((folder / "take.c3d").read_bytes())
+    return ["info", "rig.glb"], "Cannot read rig.glb: it is no GLB, whatever its name says; export it again."
+
+
+def folder_without_a_rig(folder, rig, truth):
+    (folder / "empty").mkdir()
+    sentence = "empty is a folder without .obj files; put neutral.obj and one .obj a shape there."
+    return changed(SOLVE, rig="empty"), sentence
+
+
+def output_that_is_an_input(folder, rig, truth):
+    blendcap.write_markers(folder / "take.csv", blendcap.read_markers(folder / "take.c3d"))
+    sentence = "Cannot write take.csv: it is an input too, and would be lost; choose another name."
+    return changed(SOLVE, take="take.csv", out="take.csv"), sentence
+
+
+def places_that_are_an_input(folder, rig, truth):
+    sentence = "Cannot write ./places.json: it is an input too, and would be lost; choose another name."
+    return [*SOLVE, "--write-places", os.path.join(".", "places.json")], sentence.replace("./", "")
+
+
+def output_under_a_file(folder, rig, truth):
+    return changed(SOLVE, out="rig.glb/out.csv"), "Cannot write rig.glb/out.csv: rig.glb is a file; name a folder."
+
+
+def demo_in_a_file(folder, rig, truth):
+    return ["demo", "--out", "rig.glb"], "Cannot write to rig.glb: it is a file; name a folder."
+
+
+REFUSALS = [glb_that_is_none, folder_without_a_rig, output_that_is_an_input, places_that_are_an_input,
+            output_under_a_file, demo_in_a_file,
+            misspelt_stable_marker, unknown_stable_marker, stable_marker_without_a_place, too_few_stable_markers,
             stable_markers_of_a_head_that_is_kept,
             missing_file, missing_rig, truncated_glb, obj_with_other_topology, c3d_that_is_none, empty_take,
             all_missing_marker, nan_frame, unknown_label, unknown_place, vertex_that_is_none,
@@ -434,6 +466,34 @@ def test_info_says_which_markers_have_gaps_and_in_which_unit_the_file_is(folder,
     assert "the file says none; solve it with --unit" in said and "2: m27 25%, m63 2.5%" in said
     assert main(["solve", "none.c3d", *SOLVE[2:]]) == 1
     assert "none.c3d does not say the unit of its lengths; say the unit yourself: mm, cm" in capsys.readouterr().err
+
+
+def test_info_of_a_marker_that_is_never_seen_and_of_weights_that_are_unknown(folder, capsys):
+    take = blendcap.read_markers("take.c3d")
+    positions = np.full_like(take.positions, np.nan)
+    blendcap.write_markers("gone.c3d", replace(take, positions=positions))
+    animation = blendcap.read_animation("truth.csv")
+    weights = animation.weights.copy()
+    weights[:, 0] = np.nan
+    blendcap.write_animation("gaps.csv", replace(animation, weights=weights))
+    assert main(["info", "gone.c3d"]) == 0
+    said = capsys.readouterr().out
+    assert re.search(r"size +none", said) and "25: m0 100%, m9 100%" in said
+    assert main(["info", "gaps.csv"]) == 0
+    said = capsys.readouterr().out
+    assert "33.3 % of the samples" in said and re.search(r"seconds +0\.6667", said)
+
+
+def test_the_help_of_solve_names_the_defaults(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "400")
+    assert main(["solve", "--help"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    settings = blendcap.SolveSettings()
+    for name in ("smoothness", "beta", "coupling", "influence", "curve-error"):
+        line = next(line for line in lines if f"--{name} " in line)
+        assert f"{getattr(settings, name.replace('-', '_')):g}" in re.search(r"([\d.]+)[^.;]*if not given", line).group(
+            1
+        )
 
 
 def test_convert_keeps_the_animation(folder, truth, capsys):

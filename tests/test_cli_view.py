@@ -89,6 +89,7 @@ def test_where_the_film_has_no_picture_it_is_black():
         (["-o", "x.mp4"], "its ending must be one of .png"),
         (["take.csv", "-o", "x.html"], "its ending must be one of .png, .mp4, .gif"),
         (["take.csv", "--video", "film.mp4", "--offset", "9", "-o", "x.mp4"], "has no picture of the animation"),
+        (["take.csv", "--video", "film.mp4", "-o", "film.mp4"], "it is an input too, and would be lost"),
         (["take.csv", "--video", "face.npz", "-o", "x.mp4"], "holds no video"),
     ],
 )

@@ -3,9 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
 
 
-def convert(animation: Path, out: Path, /, *, rig: Path | None = None, partial: bool = False) -> None:
+def convert(
+    animation: Path,
+    out: Path,
+    /,
+    *,
+    rig: Path | None = None,
+    partial: Annotated[bool, Parameter(negative=(), show_default=False)] = False,
+) -> None:
     """Write an animation in another format.
 
     Parameters

@@ -37,6 +37,8 @@ def demo(*, out: Path = Path("demo"), seed: int = 1) -> None:
     """
     from blendcap.io import write_markers, write_rig, write_whole
 
+    if out.exists() and not out.is_dir():
+        raise blendcap.InputError(f"Cannot write to {out}: it is a file; name a folder.")
     out.mkdir(parents=True, exist_ok=True)
     progress = Progress()
     with progress.step("mannequin", "Sculpt the mannequin"):

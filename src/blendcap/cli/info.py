@@ -35,10 +35,11 @@ def _for_people(facts: dict[str, Any]) -> dict[str, Any]:
     if facts["kind"] == "markers":
         unit = said.pop("file_unit")
         said["unit"] = f"{unit}, as the file says" if unit else "the file says none; solve it with --unit"
-        said["missing"] = f"{100 * facts['missing']:.3g} % of the samples"
         gaps = said.pop("missing_of_marker")
-        said["have gaps"] = [f"{name} {100 * share:.2g}%" for name, share in gaps.items()]
-    if "size" in facts:
+        said["have gaps"] = [f"{name} {100 * share:.3g}%" for name, share in gaps.items()]
+    if "missing" in facts:
+        said["missing"] = f"{100 * facts['missing']:.3g} % of the samples"
+    if facts.get("size"):
         said["size"] = _size(facts)
     if facts["kind"] != "markers":
         said.pop("unit", None)  # the size says it

@@ -12,14 +12,15 @@ ANIMATIONS = (".csv", ".glb", ".npz")
 VIDEOS, PAGES, PICTURES, PLACES = (".mp4", ".gif"), (".html",), (".png",), (".json",)
 
 
-def check_outputs(paths: Iterable[Path | None], endings: tuple[str, ...]) -> None:
-    """Refuse paths with another ending, and those whose folder is not there or cannot be written to.
+def check_outputs(paths: Iterable[Path | None], endings: tuple[str, ...], inputs: Iterable[Path | None] = ()) -> None:
+    """Refuse paths with another ending, those whose folder is not there or cannot be written to, and the inputs.
 
     Raises
     ------
     InputError
         For the first path that cannot become a file.
     """
+    read = {path.resolve() for path in inputs if path is not None}
     for path in paths:
         if path is None:
             continue
@@ -27,6 +28,12 @@ def check_outputs(paths: Iterable[Path | None], endings: tuple[str, ...]) -> Non
             raise blendcap.InputError(f"Cannot write {path}: its ending must be one of {', '.join(endings)}.")
         if path.is_dir():
             raise blendcap.InputError(f"Cannot write {path}: it is a folder; name a file inside it.")
+        if path.resolve() in read:
+            raise blendcap.InputError(
+                f"Cannot write {path}: it is an input too, and would be lost; choose another name."
+            )
+        if path.parent.exists() and not path.parent.is_dir():
+            raise blendcap.InputError(f"Cannot write {path}: {path.parent} is a file; name a folder.")
         if not path.parent.is_dir():
             raise blendcap.InputError(f"Cannot write {path}: the folder {path.parent} does not exist; create it first.")
         if not os.access(path.parent, os.W_OK):

@@ -67,7 +67,7 @@ def build(
     from blendcap.cli.rig_examples import example_files, read_examples, read_scan, refined
     from blendcap.io import read_rig
 
-    check_outputs([output], RIGS)
+    check_outputs([output], RIGS, [scan, template])
     check_outputs([report], PAGES)
     files = [] if examples is None else example_files(examples, scan)
     progress = Progress(quiet=as_json)

@@ -40,11 +40,11 @@ class Outputs:
     write_places: Path | None = None
     """A .json of where each marker was placed, in the form of --correspondences: correct it by hand, use it again."""
 
-    def check(self) -> None:
+    def check(self, inputs: tuple[Path | None, ...]) -> None:
         """Refuse what cannot be written, before the work."""
         wanted = ((self.preview, VIDEOS), (self.report, PAGES), (self.picture, PICTURES), (self.write_places, PLACES))
         for paths, endings in ((self.output, ANIMATIONS), *(((path,), endings) for path, endings in wanted)):
-            check_outputs(paths, endings)
+            check_outputs(paths, endings, inputs)
 
 
 @Parameter(name="*")
@@ -55,19 +55,22 @@ class Choices:
     method: Literal["learned", "paper", "live"] = "learned"
     """learned: exact whole-take solve, prior learned from the take. paper: Eq. 3 of the 2016 paper. live: past only."""
     smoothness: float | None = None
-    """Strength of the coupling of neighbouring frames: 1 is as learned, 0 none. Not with --method paper."""
+    """Strength of the coupling of neighbouring frames: 1, if not given, is as learned, 0 none. Not with --method
+    paper."""
     beta: float | None = None
-    """The paper's β in mm²: the larger, the sparser and the more muted. Only with --method paper."""
+    """The paper's β in mm²: the larger, the sparser and the more muted; 0.3 if not given. Only with --method paper."""
     coupling: float | None = None
-    """λ of λ |a_t - a_(t-1)|², in mm²; 0 is the paper's. Only with --method paper."""
+    """λ of λ |a_t - a_(t-1)|², in mm²; 0, the paper's, if not given. Only with --method paper."""
     influence: float | None = None
-    """Largest γ of Eq. 4 in mm²: how much a fully trusted curve counts. Only with --method paper."""
+    """Largest γ of Eq. 4 in mm²: how much a fully trusted curve counts; 4 if not given. Only with --method paper."""
     curve_error: float | None = None
-    """Standard deviation of a fully trusted curve: the smaller, the more it counts. Not with --method paper."""
+    """Standard deviation of a fully trusted curve: the smaller, the more it counts; 0.1 if not given. Not with
+    --method paper."""
     helmet: Literal["rigid", "paper", "none"] = "rigid"
-    """Motion of the head rig: six signed unknowns, the thesis' twelve dummy shapes, or none."""
+    """Small motion of the head rig, solved with the face. rigid: six signed unknowns. paper: the thesis' twelve dummy
+    shapes. none: there is none."""
     head: Literal["auto", "remove", "keep"] = "auto"
-    """Large head motion: removed if there is any, always, or never."""
+    """Large motion of the head. auto: removed if there is any. remove: always. keep: never, as from a helmet camera."""
     stable: Annotated[tuple[str, ...], Parameter(negative=(), show_default=False)] = ()
     """A marker that moves with the skull, by name; repeat it for at least three. Found from the take if not given."""
 
@@ -96,7 +99,7 @@ def solve(
     correspondences: Path | None = None,
     patches: Path | None = None,
     patches_offset: float | None = None,
-    unit: Literal["m", "cm", "mm"] | None = None,
+    unit: Literal["mm", "cm", "dm", "m", "in", "ft"] | None = None,
     choices: Choices = Choices(),
     as_json: AsJson = False,
 ) -> None:
@@ -126,7 +129,7 @@ def solve(
     from blendcap.io import read_animation, read_correspondences, read_markers, read_rig
     from blendcap.view.concerns import concerns
 
-    outputs.check()
+    outputs.check((take, rig, rom, correspondences, patches))
     settings = choices.settings()
     progress = Progress(quiet=as_json)
     with progress.step("read", "Read the rig and the take"):
@@ -174,7 +177,8 @@ def _say(facts: dict[str, Any], doubts: list[str], files: list[Path], as_json: b
     if as_json:
         print_json(facts | {"look_twice": doubts, "files": written})
         return
-    print_lines({k: v for k, v in facts.items() if k != "rms_mm_per_marker"} | {"wrote": ", ".join(written)})
+    told_below = ("rms_mm_per_marker", "unseen")
+    print_lines({k: v for k, v in facts.items() if k not in told_below} | {"wrote": ", ".join(written)})
     for doubt in doubts:
         print(f"look twice: {doubt}")
 

@@ -49,7 +49,7 @@ def view(
         The frame to show as .png; the one that is farthest from neutral if not given.
     """
     target = output or Path((animation or rig).stem + (".png" if animation is None or frame is not None else ".mp4"))
-    check_outputs([target], PICTURES + (VIDEOS if animation is not None else ()))
+    check_outputs([target], PICTURES + (VIDEOS if animation is not None else ()), [video])
     _check_use(target, animation, video, offset, frame)
     progress = Progress()
     with progress.step("read", "Read the files"):

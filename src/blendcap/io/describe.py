@@ -79,8 +79,9 @@ def describe(path: str | os.PathLike) -> dict[str, Any]:
         return {"kind": "mesh", **_surface(record)}
     assert isinstance(record, Animation)
     return {"kind": "animation", "frames": len(record.weights), "rate": record.rate,
-            "seconds": float(record.times[-1] - record.times[0]), "shapes": list(record.names),
-            "head": record.head is not None, "meta": dict(record.meta)}  # fmt: skip
+            "seconds": float(record.times[-1] - record.times[0]) + 1 / record.rate, "shapes": list(record.names),
+            "missing": float(np.isnan(record.weights).mean()), "head": record.head is not None,
+            "meta": dict(record.meta)}  # fmt: skip
 
 
 def _holds_markers(path: str | os.PathLike) -> bool:
@@ -99,8 +100,8 @@ def _take(path: str | os.PathLike) -> dict[str, Any]:
     gaps = {take.names[m]: float(lost[m]) for m in np.argsort(-lost, kind="stable") if lost[m] > 0}
     return {"kind": "markers", "frames": len(take.positions), "rate": take.rate,
             "seconds": len(take.positions) / take.rate, "file_unit": stated or None, "unit": "mm" if known else None,
-            "size": _size(seen), "markers": list(take.names), "missing": float(lost.mean()), "missing_of_marker": gaps,
-            "timecode": take.timecode}  # fmt: skip
+            "size": _size(seen) if len(seen) else None, "markers": list(take.names), "missing": float(lost.mean()),
+            "missing_of_marker": gaps, "timecode": take.timecode}  # fmt: skip
 
 
 def _film(path: str | os.PathLike) -> dict[str, Any]:

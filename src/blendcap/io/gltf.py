@@ -161,6 +161,8 @@ class Document:
 def open_document(path: Path) -> Document:
     """Open a .glb or .gltf file and refuse, by name, what cannot be read."""
     content = read_bytes(path)
+    if content[:4] != b"glTF" and path.suffix.lower() == ".glb":
+        raise InputError(f"Cannot read {path}: it is no GLB, whatever its name says; export it again.")
     text, chunk = _chunks(content) if content[:4] == b"glTF" else (content, None)
     json = parse_json(text, str(path))
     if not isinstance(json, dict):

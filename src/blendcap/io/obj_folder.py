@@ -23,6 +23,8 @@ def read_obj_folder(path: str | os.PathLike, unit_mm: float = 1.0) -> Rig:
     """
     path = Path(path)
     files = sorted((f for f in path.iterdir() if f.suffix.lower() == ".obj"), key=lambda f: f.name)
+    if not files:
+        raise InputError(f"{path} is a folder without .obj files; put neutral.obj and one .obj a shape there.")
     neutral = _neutral(path, files)
     mesh, deltas = read_shapes(neutral, [f for f in files if f != neutral], unit_mm)
     names = tuple(f.stem for f in files if f != neutral)
