@@ -10,9 +10,12 @@ from blendcap.modeling.detection import detect, detect_paper, log_odds
 from blendcap.modeling.frontal import frontal, lift, out_of_gaps
 from blendcap.modeling.hog import BINS, cell_maps, describe
 from blendcap.modeling.landmark_names import FEATURES, LINES, ON_A_LINE, along, line_names, rig_landmarks
+from blendcap.modeling.landmark_pairs import find_pairs
 from blendcap.modeling.landmark_training import train_landmarks
 from blendcap.modeling.landmarks import search_landmarks
+from blendcap.modeling.lines import without_lost
 from blendcap.modeling.mean_shift import mean_shift
+from blendcap.modeling.shut_eyes import keep_eyes_open
 
 
 @pytest.fixture(scope="module")
@@ -264,6 +267,37 @@ def test_a_pixel_that_looks_into_a_gap_moves_to_its_edge():
     depth[:, 55:] = np.inf
     pixels = np.array([[30.0, 20.2], [30, 21], [30, 30.4], [52, 10]])
     np.testing.assert_allclose(out_of_gaps(depth, pixels), [[30, 19], [30, 22], [30, 30.4], [52, 10]])
+
+
+@pytest.mark.parametrize(
+    ("upper", "lower", "behind", "lost"),
+    [
+        (-8, -8, np.inf, "lids_lower_left"),  # both on the upper rim of an empty socket
+        (8, 8, 60.0, "lids_upper_left"),
+        (-8, 8, np.inf, ""),  # each on its own
+        (-8, -8, 2.0, ""),  # over an eyeball: nothing is known to be wrong
+        (0, 0, 0.0, ""),  # shut
+    ],
+)
+def test_a_line_on_the_other_rim_of_a_gap_is_lost(upper, lower, behind, lost):
+    x, y = np.meshgrid(np.arange(120), np.arange(80))
+    arch = np.clip(1 - ((x - 60) / 30) ** 2, 0, None)
+    depth = np.where(np.abs(y - 40) < 8 * arch - 0.5, 100.0 + behind, 100.0)
+    columns = np.arange(30, 91)
+    rise = 1 - ((columns - 60) / 30) ** 2
+    lines = {"lids_upper_left": np.stack([columns, 40 + upper * rise], 1),
+             "lids_lower_left": np.stack([columns, 40 + lower * rise], 1)}  # fmt: skip
+    assert set(lines) - set(without_lost(lines, depth, 5.0)) == ({lost} if lost else set())
+
+
+@pytest.mark.slow
+def test_an_empty_socket_is_not_a_shut_eye(data, rig):
+    """The skin of ICT-FaceKit without its eyeballs: the lower line of one eye is found on the upper rim."""
+    ict = blendcap.read_rig(data("rigs/ict_facekit.npz")).mesh
+    skin = Mesh(ict.vertices, ict.faces[(ict.faces < 11248).all(1)])
+    pairs, _ = find_pairs(skin, rig)
+    assert pairs is not None and sum(name.startswith("lids_") for name in pairs[0].names) in (27, 36)
+    assert not keep_eyes_open(rig, pairs).notes
 
 
 def test_points_on_eyeballs_come_to_the_lids(rig, finding):

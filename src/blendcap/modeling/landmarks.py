@@ -12,9 +12,9 @@ from blendcap.data import InputError, LandmarkModel, Mesh, SurfacePoints
 from blendcap.modeling.detection import detect, detect_paper
 from blendcap.modeling.detectors import Detectors, shipped
 from blendcap.modeling.face_search import search_face
-from blendcap.modeling.frontal import Frontal, frontal, lift, out_of_gaps
+from blendcap.modeling.frontal import GAP, Frontal, frontal, lift, out_of_gaps
 from blendcap.modeling.landmark_training import as_picture
-from blendcap.modeling.lines import line_points, trace_learned, trace_paper
+from blendcap.modeling.lines import line_points, trace_learned, trace_paper, without_lost
 from blendcap.numerics.barycentric import barycentric
 from blendcap.numerics.closest import Closest
 from blendcap.numerics.similarity import align_robust
@@ -123,6 +123,7 @@ def _search_frontal(mesh: Mesh, detectors: Detectors) -> Finding:
     corners = view.pixels[mesh.faces]
     found = dict(zip(model.names, pixels, strict=True))
     lines = trace_learned(view.image, found, detectors.lines) if detectors.lines else {}
+    lines = without_lost(lines, view.fragments.depth, GAP)
     names, spots, sure = _together(found, odds, lines)
     spots = out_of_gaps(view.fragments.depth, spots)
     points = lift(view.fragments, corners, names, spots)

@@ -17,6 +17,8 @@ PAPER_REACH = 50  # pixels of a texture of 1024
 LEARNED = Weights(even=0.0, dark=1.0, smooth=3.0)  # for log-odds
 PAPER = Weights(even=1.0, dark=1.0, smooth=0.02)  # for brightness over its own deviation
 DARK = 2.0  # log-odds that a standard deviation of brightness is worth
+TOGETHER, BESIDE = 0.1, 0.15  # of a line's length: two lines nearer than this fell together; a gap shows so far off
+BEYOND = 1e6  # mm: the depth where a picture sees nothing
 LOWEST = -20.0  # log-odds; one odd place must not decide
 
 
@@ -57,6 +59,46 @@ def trace_paper(image: np.ndarray, found: Mapping[str, np.ndarray]) -> dict[str,
         cost = (values - values.mean()) / max(float(values.std()), 1e-6)
         lines[line] = strip[trace_icm(cost, PAPER), np.arange(strip.shape[1])]
     return lines
+
+
+def without_lost(lines: Mapping[str, np.ndarray], depth: np.ndarray, gap: float) -> dict[str, np.ndarray]:
+    """The lines (W, 2) without those that lie on the other rim of an opening, as at sockets without an eyeball.
+
+    Where an upper and a lower line fall together, they are shut lids or lips; but if the picture looks past them into
+    a gap, the one on the gap's far side is lost.
+
+    Parameters
+    ----------
+    lines : {name: (W, 2)}
+        Pixels.
+    depth : (H, W) float
+        Of the picture, mm; infinite where it sees nothing.
+    gap : float
+        The step in depth that is one, mm.
+    """
+    kept = dict(lines)
+    for upper in (line for line in LINES if "_upper" in line and line in lines):
+        lower = upper.replace("_upper", "_lower")
+        inner = slice(len(lines[upper]) // 4, -(len(lines[upper]) // 4) or None)
+        length = float(np.linalg.norm(lines[upper][-1] - lines[upper][0]))
+        if np.linalg.norm(lines[upper] - lines[lower], axis=1)[inner].mean() > TOGETHER * length:
+            continue
+        middle = (lines[upper] + lines[lower])[inner] / 2
+        for line, down in ((lower, 1), (upper, -1)):
+            if np.median(_steps(depth, middle, down * BESIDE * length)) > gap:
+                kept.pop(line)
+    return kept
+
+
+def _steps(depth: np.ndarray, pixels: np.ndarray, down: float) -> np.ndarray:
+    """How much deeper the picture is `down` pixels below than at the near rim beside `pixels` (n, 2)."""
+    solid, last = np.where(np.isfinite(depth), depth, BEYOND), np.array(depth.shape[::-1]) - 1
+
+    def at(below: float) -> np.ndarray:
+        x, y = np.clip(np.round(pixels + np.array([0, below])), 0, last).astype(int).T
+        return solid[y, x]
+
+    return at(down) - np.min([at(below) for below in (-2, -1, 0, 1, 2)], axis=0)
 
 
 def line_points(line: str, pixels: np.ndarray) -> tuple[list[str], np.ndarray]:
