@@ -94,6 +94,16 @@ def test_only_a_marker_that_rests_tells_its_rest():
     assert np.abs(rest_shift(rows, unknowns, 0.01)).max() < 0.02 * np.abs(shift).max()  # what is sharp is right
 
 
+@pytest.mark.parametrize(("motion", "rests"), [(0.2, True), (0.3, False)])
+def test_a_marker_that_the_face_moves_by_a_quarter_of_a_millimeter_does_not_rest(motion, rests):
+    unknowns, shift = np.ones((100, 1)), np.array([[0.1, -0.2, 0.05]])
+    deltas = np.array([[[motion, 0.0, 0.0]]])
+    rows = marker_rows(
+        deltas, np.zeros((0, 1, 3)), np.tile(deltas[0] + shift, (100, 1, 1)), np.array([[0.0, 1.0]]), -1.0
+    )
+    assert rest_shift(rows, unknowns, 0.2).any() == rests
+
+
 def test_a_generic_rig_is_bound_no_worse_than_given():
     rig, meant = stage.small_rig(), stage.markers()
     v = rig.mesh.vertices

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import blendcap
-from blendcap.modeling.landmark_names import rig_landmarks
+from blendcap.modeling.landmark_names import line_names, rig_landmarks
 from blendcap.modeling.shut_eyes import keep_eyes_open
 
 RIG = blendcap.mannequin(shapes=52)
@@ -36,6 +36,16 @@ def test_shut_eyes_lose_their_lines_and_free_their_lids():
     edges = np.unique(np.concatenate([RIG.contacts["lids_left"], RIG.contacts["lids_right"]]))
     assert np.isin(edges, free).all()
     assert not np.isin(RIG.regions["lips"], free).any() and not np.isin(RIG.regions["jaw"], free).any()
+
+
+@pytest.mark.parametrize(("share", "shut"), [(0.3, True), (0.4, False)])
+def test_an_eye_is_shut_below_a_third_of_the_templates_opening(share, shut):
+    places = POINTS.positions(RIG.mesh)
+    for side in ("left", "right"):
+        upper, lower = ([POINTS.names.index(n) for n in line_names(f"lids_{e}_{side}")] for e in ("upper", "lower"))
+        middle, half = (places[upper] + places[lower]) / 2, (places[upper] - places[lower]) / 2
+        places[upper], places[lower] = middle + share * half, middle - share * half
+    assert bool(keep_eyes_open(RIG, (POINTS, places)).notes) == shut
 
 
 def test_a_wink_frees_one_eye():
