@@ -342,7 +342,22 @@ def demo_in_a_file(folder, rig, truth):
     return ["demo", "--out", "rig.glb"], "Cannot write to rig.glb: it is a file; name a folder."
 
 
-REFUSALS = [glb_that_is_none, folder_without_a_rig, output_that_is_an_input, places_that_are_an_input,
+def csv_of_another_program(folder, rig, truth):
+    (folder / "motive.csv").write_text(
+        "Format Version,1.23,Take Name,One,Capture Frame Rate,120,Export Frame Rate,120\n"
+    )
+    sentence = "Cannot read motive.csv: it is a CSV of OptiTrack Motive; export the take as C3D."
+    return changed(SOLVE, take="motive.csv"), sentence
+
+
+def semicolons(folder, rig, truth):
+    (folder / "semi.csv").write_text("frame;time;a_x;a_y;a_z\n0;0;1,5;2;3\n")
+    sentence = "Cannot read semi.csv: its cells are parted by semicolons; export it with commas and points."
+    return ["info", "semi.csv"], sentence
+
+
+REFUSALS = [csv_of_another_program, semicolons,
+            glb_that_is_none, folder_without_a_rig, output_that_is_an_input, places_that_are_an_input,
             output_under_a_file, demo_in_a_file,
             misspelt_stable_marker, unknown_stable_marker, stable_marker_without_a_place, too_few_stable_markers,
             stable_markers_of_a_head_that_is_kept,
@@ -387,6 +402,25 @@ def test_solve_answers_in_json_and_in_every_file_that_was_asked_for(folder, trut
         assert animation.rate == pytest.approx(RATE) and animation.names == NAMES
         np.testing.assert_allclose(animation.weights, files[2].weights, atol=1e-5)
     assert np.abs(files[2].weights - truth.weights).mean() < 0.02
+
+
+def test_a_marker_that_is_left_out_is_said(folder, capsys):
+    places = json.loads((folder / "places.json").read_text(encoding="utf-8"))
+    del places["m9"], places["m99"]
+    (folder / "places.json").write_text(json.dumps(places), encoding="utf-8")
+    assert main([*SOLVE, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["left_out"] == ["m9", "m99"]
+    assert main([*SOLVE]) == 0
+    assert re.search(r"left out +2: m9, m99", capsys.readouterr().out)
+
+
+@pytest.mark.parametrize(("unit", "span"), [("cm", "1800"), ("m", "180000"), ("mm", "")])
+def test_a_take_that_is_no_face_in_its_unit_is_warned_of_before_it_is_bound(folder, capsys, unit, span):
+    main([*SOLVE, "--unit", unit])
+    said = capsys.readouterr()
+    assert ("which is no face: if its unit is wrong, say --unit" in said.err) == bool(span)
+    if span:
+        assert f"span {span} mm" in said.err.splitlines()[0]
 
 
 def test_places_that_a_solve_found_serve_the_next_one(folder, truth, capsys):

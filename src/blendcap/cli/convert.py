@@ -32,9 +32,11 @@ def convert(
     """
     from blendcap.data.names import in_vocabulary
     from blendcap.io import read_animation, read_rig, write_animation
+    from blendcap.io.formats import LIVE_LINK
 
     answer, target = read_animation(animation), None if rig is None else read_rig(rig)
     if target is not None:
         answer = in_vocabulary(answer, target.names, partial=partial)
     write_animation(out, answer, rig=target)
-    print(f"{out}: {len(answer.weights):,} frames of {len(answer.names)} shapes at {answer.rate:g} frames a second")
+    shapes = f" of {len(answer.names)} shapes" if not out.name.lower().endswith(LIVE_LINK) else ""  # it has its own 61
+    print(f"{out}: {len(answer.weights):,} frames{shapes} at {answer.rate:g} frames a second")

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
-from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -14,6 +12,7 @@ import blendcap
 from blendcap.cli.answers import AsJson, print_json, print_lines
 from blendcap.cli.outputs import ANIMATIONS, PAGES, PICTURES, PLACES, VIDEOS, check_outputs
 from blendcap.cli.progress import Progress
+from blendcap.cli.solve_inputs import check_inputs
 
 PREVIEW_RATE, PREVIEW_SIZE = 30.0, (960, 540)
 PLACES_SIZE = (1920, 1080)  # room for the names of the markers
@@ -125,7 +124,6 @@ def solve(
     as_json
         Print the answer as JSON.
     """
-    from blendcap.data import landmarks68
     from blendcap.io import read_animation, read_correspondences, read_markers, read_rig
     from blendcap.view.concerns import concerns
 
@@ -137,9 +135,7 @@ def solve(
         motion = None if rom is None else read_markers(rom, unit=unit)
         places = None if correspondences is None else read_correspondences(correspondences)
         curves = None if patches is None else read_animation(patches)
-    if any(str(place).startswith("landmarks68/") for place in (places or {}).values()):
-        landmarks68(the_rig)  # says how to give it some
-    _check_stable(settings, the_take, places)
+    check_inputs(take, the_take, the_rig, places, settings)
     hybrid = {"patches": curves, "patches_offset": patches_offset}
     binding, solution = bind_and_solve(the_rig, the_take, places, motion, settings, progress, **hybrid)
     beside = None
@@ -151,34 +147,13 @@ def solve(
     _say(summary(the_take, solution, progress), concerns(the_rig, solution, binding), files, as_json)
 
 
-def _check_stable(settings: SolveSettings, take: MarkerTake, places: Mapping[str, Any] | None) -> None:
-    """Refuse stable markers that the solve could not use, before the work."""
-    from blendcap.data.names import listed
-
-    if not settings.stable:
-        return
-    if settings.head == "keep":
-        raise blendcap.InputError("--stable says how to remove the head's motion, and --head keep not to; choose one.")
-    known = [name for name in take.names if places is None or name in places]
-    for name in settings.stable:
-        if name not in known:
-            lacks = "has no correspondence" if name in take.names else "the take does not have"
-            close = get_close_matches(name, known, 1)
-            hint = f"do you mean {close[0]!r}?" if close else f"there are {listed(known, 12)}."
-            raise blendcap.InputError(f"--stable names the marker {name!r}, which {lacks}; {hint}")
-    if len(settings.stable) < 3:
-        raise blendcap.InputError(
-            f"--stable names only {len(settings.stable)}; to find the head takes at least three markers."
-        )
-
-
 def _say(facts: dict[str, Any], doubts: list[str], files: list[Path], as_json: bool) -> None:
     written = [str(file) for file in files]
     if as_json:
         print_json(facts | {"look_twice": doubts, "files": written})
         return
-    told_below = ("rms_mm_per_marker", "unseen")
-    print_lines({k: v for k, v in facts.items() if k not in told_below} | {"wrote": ", ".join(written)})
+    not_here = ("rms_mm_per_marker", "unseen", *([] if facts["left_out"] else ["left_out"]))
+    print_lines({k: v for k, v in facts.items() if k not in not_here} | {"wrote": ", ".join(written)})
     for doubt in doubts:
         print(f"look twice: {doubt}")
 
@@ -260,6 +235,7 @@ def summary(take: MarkerTake, solution: Solution, progress: Progress) -> dict[st
         "frames": len(take.positions),
         "rate": take.rate,
         "markers": len(take.names),
+        "left_out": [name for name in take.names if name not in solution.marker_names],
         "rms_mm": solution.rms_mm,
         "rms_mm_per_marker": dict(zip(solution.marker_names, solution.marker_rms.tolist(), strict=True)),
         "max_kkt": solution.certificate.max_kkt,

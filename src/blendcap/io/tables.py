@@ -18,6 +18,7 @@ from blendcap.io.opening import read_text
 
 _log = logging.getLogger(__name__)
 
+_OTHERS = {"Format Version": "OptiTrack Motive", "Trajectories": "Vicon Nexus", "Marker Trajectories": "Vicon Nexus"}
 _MISSING = {"", "nan", "null", "none", "na", "n/a"}
 
 
@@ -82,6 +83,7 @@ def parse_table(text: str, where: str) -> Table:
     if not rows:
         raise InputError(f"Cannot read {where}: it has no header and no rows.")
     header = tuple(name.strip() for name in rows[0])
+    _check_kind(header, where)
     while header and not header[-1]:
         header = header[:-1]  # programs that end every line with a comma
     doubles = sorted({name for name in header if header.count(name) > 1})
@@ -108,6 +110,16 @@ def write_table(path: str | os.PathLike, meta: Mapping[str, str], header: list[s
     writer.writerows(zip(*texts, strict=True))
     with write_whole(path) as temporary:
         temporary.write_text(buffer.getvalue(), encoding="utf-8")
+
+
+def _check_kind(header: tuple[str, ...], where: str) -> None:
+    """Refuse by name what is comma-separated, or looks so, and is no table with one header."""
+    if header[0] in _OTHERS:
+        raise InputError(f"Cannot read {where}: it is a CSV of {_OTHERS[header[0]]}; export the take as C3D.")
+    mark = next((mark for mark in (";", "\t") if header[0].count(mark) > 1 and len(header) == 1), None)
+    if mark is not None:
+        named = {";": "semicolons", "\t": "tabs"}[mark]
+        raise InputError(f"Cannot read {where}: its cells are parted by {named}; export it with commas and points.")
 
 
 def _cell(value: float | str) -> str:
