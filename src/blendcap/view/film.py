@@ -11,7 +11,7 @@ import numpy as np
 from blendcap.data import Animation, Rig
 from blendcap.rendering import Surface, prepare_rig, shaped
 from blendcap.rendering.parallel import each_ahead
-from blendcap.view.image import draw_text, mark
+from blendcap.view.image import draw_text, explain, mark
 from blendcap.view.posing import VIEWS, side_by_side, warn_of_unknown, weights_on
 
 SKY_RATE = 10.0  # openness to the sky is computed as often a second; it changes slowly and is blended between
@@ -72,6 +72,7 @@ def pictures(
         for picture, (camera, _) in zip(parts, views, strict=True):
             mark(picture, camera, *marked)
         picture = np.hstack(parts)
+        explain(picture, targets, fitted)
         _caption(picture, film.title, f"frame {t}    {animation.times[t]:.2f} s")
         return picture
 

@@ -28,6 +28,17 @@ def mark(picture: np.ndarray, camera: Camera, targets: np.ndarray | None, fitted
         draw_dots(picture, places["target"], TARGET, radius)
 
 
+def explain(picture: np.ndarray, targets: np.ndarray | None, fitted: np.ndarray | None) -> None:
+    """Write into the upper left corner what the dots of `mark` are."""
+    letters, border = max(picture.shape[0] // 54, 10), picture.shape[0] // 36
+    left, middle = border, border + letters // 2
+    for points, word, color in ((targets, "marker", TARGET), (fitted, "its place on the face", FITTED)):
+        if points is not None:
+            draw_dots(picture, np.array([[left + letters / 2, middle]]), color, letters / 3)
+            draw_text(picture, word, (left + round(1.5 * letters), middle), height=letters, anchor="lm")
+            left += round(3.5 * letters) + text_width(word, letters)
+
+
 def draw_dots(picture: np.ndarray, pixels: np.ndarray, color: tuple[int, int, int], radius: float) -> None:
     """Draw discs at `pixels` (M, 2), antialiased, on a picture; what is NaN or outside is left out."""
     import cv2

@@ -11,7 +11,7 @@ from scipy.spatial import KDTree
 from blendcap.data import Camera, Rig
 from blendcap.io.images import write_image
 from blendcap.rendering import Surface, prepare_rig, project, shaped, vertex_normals
-from blendcap.view.image import draw_text, mark, text_width
+from blendcap.view.image import draw_text, explain, mark, text_width
 from blendcap.view.posing import VIEWS, side_by_side
 
 
@@ -61,7 +61,9 @@ def still(
         if labels is not None and fitted is not None:
             _name(view, camera, surface, fitted, labels)
         views.append(view)
-    return np.hstack(views)
+    picture = np.hstack(views)
+    explain(picture, targets, fitted)
+    return picture
 
 
 def _name(picture: np.ndarray, camera: Camera, surface: Surface, places: np.ndarray, labels: Sequence[str]) -> None:
