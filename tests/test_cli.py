@@ -16,6 +16,7 @@ import pytest
 import blendcap
 from blendcap import Animation, MarkerTake, Mesh, Rig
 from blendcap.cli import main
+from blendcap.cli.demo import program
 from blendcap.data import landmarks68
 
 RATE, FRAMES = 60.0, 40
@@ -609,6 +610,20 @@ def test_as_a_program_with_its_exit_code_and_a_clean_standard_output(folder):
     bad = run("info", "nowhere.glb")
     assert bad.returncode == 1 and bad.stdout == "" and bad.stderr.count("\n") == 1
     assert run("bogus").returncode == 2
+
+
+@pytest.mark.parametrize(
+    ("called", "found", "said"),
+    [
+        ("/a/blendcap/__main__.py", None, "python -m blendcap"),
+        (os.path.join(os.getcwd(), ".venv", "bin", "blendcap"), None, os.path.join(".venv", "bin", "blendcap")),
+        ("/a/blendcap/__main__.py", "/usr/bin/blendcap", "blendcap"),
+    ],
+)
+def test_the_demo_names_a_command_that_can_be_called(monkeypatch, called, found, said):
+    monkeypatch.setattr("sys.argv", [called])
+    monkeypatch.setattr("shutil.which", lambda name: found)
+    assert program() == said
 
 
 def test_the_c3d_of_this_test_is_one_that_other_programs_read(folder):

@@ -62,7 +62,7 @@ def demo(*, out: Path = Path("demo"), seed: int = 1) -> None:
     )
     print(
         f"\nWatch {out / 'preview.mp4'}, read {out / 'report.html'}, open {out / 'animation.glb'} in Blender.\n"
-        f"To solve it yourself:\n  {_program()} solve {out / 'take.c3d'} --rig {out / 'rig.glb'} "
+        f"To solve it yourself:\n  {program()} solve {out / 'take.c3d'} --rig {out / 'rig.glb'} "
         f"--rom {out / 'rom.c3d'} --correspondences {out / 'places.json'} --head keep -o my.csv"
     )
 
@@ -80,9 +80,12 @@ def _capture(rig: Rig, seed: int) -> tuple[MarkerTake, MarkerTake, Truth]:
     return rom, take, truth
 
 
-def _program() -> str:
+def program() -> str:
     """How this program is called where it is not on the path, as in the environment that make sets up."""
-    return "blendcap" if shutil.which("blendcap") else os.path.relpath(sys.argv[0])
+    if shutil.which("blendcap"):
+        return "blendcap"
+    own = Path(sys.argv[0])
+    return "python -m blendcap" if own.name == "__main__.py" else os.path.relpath(own)
 
 
 def _errors(solution: Solution, truth: Truth, rig: Rig) -> dict[str, float]:
