@@ -26,6 +26,7 @@ from registration_data import NARROW, Problem, problem
 from results import RESULTS, write_section
 
 SEEDS = range(301, 311)  # the schedule was chosen on 101 to 104
+TUNED = 101
 SLOW_SEEDS = (301, 302)  # on which the slower ways are timed too: their answers are the same or only for comparison
 PEER = "trimesh nricp_amberg"
 STEPS = [[0.1, 10, 0.5, 10], [0.05, 5, 0.5, 10], [0.02, 2, 0.5, 10], [0.01, 0.5, 0.5, 10], [0.005, 0, 0.5, 10]]
@@ -151,6 +152,7 @@ def kept_rows() -> dict[tuple[int, str], dict[str, float]]:
 
 def main(keep_peer: bool) -> None:
     rows, kept = [], kept_rows() if keep_peer else {}
+    ours(problem(TUNED))  # what is compiled is loaded: no step's time
     for seed in SEEDS:
         case = problem(seed)
         for way in WAYS:

@@ -18,6 +18,8 @@ LEARNED = Weights(even=0.0, dark=1.0, smooth=3.0)  # for log-odds
 PAPER = Weights(even=1.0, dark=1.0, smooth=0.02)  # for brightness over its own deviation
 DARK = 2.0  # log-odds that a standard deviation of brightness is worth
 TOGETHER, BESIDE = 0.1, 0.15  # of a line's length: two lines nearer than this fell together; a gap shows so far off
+RIM = 2  # pixels from a line within which its surface must be seen
+THROUGH = 0.2  # share of a line that may lie over a gap
 BEYOND = 1e6  # mm: the depth where a picture sees nothing
 LOWEST = -20.0  # log-odds; one odd place must not decide
 
@@ -62,10 +64,10 @@ def trace_paper(image: np.ndarray, found: Mapping[str, np.ndarray]) -> dict[str,
 
 
 def without_lost(lines: Mapping[str, np.ndarray], depth: np.ndarray, gap: float) -> dict[str, np.ndarray]:
-    """The lines (W, 2) without those that lie on the other rim of an opening, as at sockets without an eyeball.
+    """The lines (W, 2) without pairs, upper and lower, of which one was lost, as at sockets without an eyeball.
 
-    Where an upper and a lower line fall together, they are shut lids or lips; but if the picture looks past them into
-    a gap, the one on the gap's far side is lost.
+    A line is lost if it runs through a gap, or lies on the gap's other rim: then the two fall together, as shut lids
+    or lips do, but the picture looks past them into the gap.
 
     Parameters
     ----------
@@ -76,29 +78,31 @@ def without_lost(lines: Mapping[str, np.ndarray], depth: np.ndarray, gap: float)
     gap : float
         The step in depth that is one, mm.
     """
+    solid = np.where(np.isfinite(depth), depth, BEYOND)
     kept = dict(lines)
     for upper in (line for line in LINES if "_upper" in line and line in lines):
         lower = upper.replace("_upper", "_lower")
-        inner = slice(len(lines[upper]) // 4, -(len(lines[upper]) // 4) or None)
-        length = float(np.linalg.norm(lines[upper][-1] - lines[upper][0]))
-        if np.linalg.norm(lines[upper] - lines[lower], axis=1)[inner].mean() > TOGETHER * length:
-            continue
-        middle = (lines[upper] + lines[lower])[inner] / 2
-        for line, down in ((lower, 1), (upper, -1)):
-            if np.median(_steps(depth, middle, down * BESIDE * length)) > gap:
-                kept.pop(line)
+        pair = np.stack([lines[upper], lines[lower]])
+        length = float(np.linalg.norm(pair[0, -1] - pair[0, 0]))
+        inner = pair[:, pair.shape[1] // 4 : -(pair.shape[1] // 4) or None]
+        nearer = _rim(solid, pair[:, [0, -1]]).min()  # of the two corners, of which one lies farther back
+        through = ((_rim(solid, inner) > nearer + 2 * gap).mean(1) > THROUGH).any()
+        together = np.linalg.norm(inner[0] - inner[1], axis=1).mean() < TOGETHER * length
+        middle = inner.mean(0)
+        steps = [np.median(_at(solid, middle, y * length) - _rim(solid, middle)) for y in (-BESIDE, BESIDE)]
+        if through or (together and max(steps) > gap):
+            del kept[upper], kept[lower]
     return kept
 
 
-def _steps(depth: np.ndarray, pixels: np.ndarray, down: float) -> np.ndarray:
-    """How much deeper the picture is `down` pixels below than at the near rim beside `pixels` (n, 2)."""
-    solid, last = np.where(np.isfinite(depth), depth, BEYOND), np.array(depth.shape[::-1]) - 1
+def _rim(depth: np.ndarray, pixels: np.ndarray) -> np.ndarray:
+    """The depth of what is nearest at or beside pixels (..., 2)."""
+    return np.min([_at(depth, pixels, below) for below in range(-RIM, RIM + 1)], axis=0)
 
-    def at(below: float) -> np.ndarray:
-        x, y = np.clip(np.round(pixels + np.array([0, below])), 0, last).astype(int).T
-        return solid[y, x]
 
-    return at(down) - np.min([at(below) for below in (-2, -1, 0, 1, 2)], axis=0)
+def _at(depth: np.ndarray, pixels: np.ndarray, below: float) -> np.ndarray:
+    x, y = np.moveaxis(np.round(pixels + np.array([0, below])).astype(int), -1, 0)
+    return depth[np.clip(y, 0, depth.shape[0] - 1), np.clip(x, 0, depth.shape[1] - 1)]
 
 
 def line_points(line: str, pixels: np.ndarray) -> tuple[list[str], np.ndarray]:
