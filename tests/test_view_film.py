@@ -118,6 +118,16 @@ def test_markers_are_drawn_where_they_are(rig, animation, tmp_path):
     assert red and not blue  # the corner says what is drawn, and no more
 
 
+def test_markers_move_with_the_frames_that_are_shown(rig, animation, tmp_path):
+    place = np.tile(rig.mesh.vertices[210], (7, 1, 1)) + np.arange(7)[:, None, None] * [6.0, 0, 0]
+    write_preview(tmp_path / "face.png", rig, animation, Film((200, 200), (0.0,), every=3), targets=place)
+    camera, _ = side_by_side(rig, (200, 200), (0.0,))[0]
+    for k in range(3):
+        picture = cv2.imread(str(tmp_path / f"face.{k:04d}.png"))[20:185, :, ::-1].astype(int)
+        red = np.argwhere((picture[..., 0] > picture[..., 1] + 100) & (picture[..., 0] > picture[..., 2] + 100))
+        np.testing.assert_allclose(red.mean(0) + [20, 0], project(place[3 * k, 0], camera)[0][::-1], atol=1)
+
+
 @pytest.mark.parametrize(
     "name, size, said",
     [
