@@ -1,4 +1,4 @@
-"""The contact sheets of the stage in docs/pictures.
+"""The contact sheets in docs/pictures.
 
 python benchmarks/contact_sheets.py [NAME ...]      all of them, or some, such as mannequin-people stage-scan
 
@@ -16,9 +16,11 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from blendcap import Animation, Rig, mannequin
+from blendcap.data import landmarks68
 from blendcap.data.names import match
 from blendcap.io.ict import read_ict_pack
-from blendcap.rendering import face_camera, prepare, prepare_rig, shaped
+from blendcap.modeling.transfer import transfer
+from blendcap.rendering import face_camera, prepare, prepare_rig, project, shaped
 from blendcap.synthetic.face_paint import paint_face
 from blendcap.synthetic.head_camera import film_head, mount_head_camera
 from blendcap.synthetic.makeup import draw_makeup
@@ -53,6 +55,13 @@ FOLDS = (
     {"mouthSmile": 0.8, "eyeSquint": 1},
 )
 
+CONTACTS = (
+    ("blink", {"eyeBlink": 1}, range(42, 48), 0.2),
+    ("half a blink", {"eyeBlink": 0.5}, range(42, 48), 0.2),
+    ("smile", {"mouthSmile": 1}, range(48, 68), 0.45),
+    ("pressed lips", {"mouthPress": 1}, range(48, 68), 0.45),
+)
+
 
 def weights(rig: Rig, pose: Mapping[str, float]) -> np.ndarray:
     """Weights (N,) by names, in any spelling; one that needs a side means both, a driven shape its drivers too."""
@@ -71,6 +80,16 @@ def portrait(rig: Rig, pose: Mapping[str, float], size: tuple[int, int], yaw: fl
     camera = face_camera(neutral[neutral[:, 1] > low], size, yaw)
     picture = Image.fromarray(shaped(prepare_rig(rig), rig, weights(rig, pose)).picture(camera, size))
     ImageDraw.Draw(picture).text((6, 6), label, fill=(40, 45, 50), font_size=12)
+    return np.asarray(picture)
+
+
+def closeup(rig: Rig, pose: Mapping[str, float], marks: range, size: tuple[int, int], yaw: float, label: str):
+    """Picture (H, W, 3) of what lies around some of the 68 landmarks."""
+    whole = (9 * size[0] // 2, 9 * size[0] // 2)
+    middle = project(landmarks68(rig).positions(rig.mesh)[marks].mean(0), face_camera(rig.mesh.vertices, whole, yaw))[0]
+    left, top = (middle - np.array(size) / 2).astype(int)
+    picture = Image.fromarray(portrait(rig, pose, whole, yaw)[top : top + size[1], left : left + size[0]])
+    ImageDraw.Draw(picture).text((6, size[1] - 20), label, fill=(40, 45, 50), font_size=12)
     return np.asarray(picture)
 
 
@@ -165,10 +184,19 @@ def scan() -> np.ndarray:
     return grid((surface.picture(camera, (520, 560)) for surface in (bare, dressed) for camera in cameras), 3)
 
 
+def transferred() -> np.ndarray:
+    """Lids and lips of a template, of somebody after plain transfer, and with contact kept."""
+    template, person = mannequin(shapes=52), mannequin(2, 52)
+    rigs = {"template": template, "plain transfer": transfer(template, person.mesh, method="paper").rig,
+            "contact kept": transfer(template, person.mesh).rig}  # fmt: skip
+    return grid((closeup(rig, pose, marks, (325, 240), yaw, f"{title}: {name}")
+                 for title, rig in rigs.items() for name, pose, marks, yaw in CONTACTS), len(CONTACTS))  # fmt: skip
+
+
 SHEETS = {
     "mannequin-people": people, "mannequin-shapes": shapes, "mannequin-smiles": smiles, "looks": looks,
     "ict-painted": ict_painted, "wrinkles": wrinkles, "stage-headcam": head_cameras, "stage-onecamera": one_cameras,
-    "stage-photos": photos, "stage-scan": scan,
+    "stage-photos": photos, "stage-scan": scan, "transfer": transferred,
 }  # fmt: skip
 
 

@@ -1,9 +1,11 @@
 """Markers and makeup patches together: lids without markers, whose blinks the paint tells. Solved with and without.
 
-python examples/hybrid_solve.py
+python examples/hybrid_solve.py [FOLDER]
 """
 
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -17,7 +19,10 @@ from blendcap.synthetic.head_camera import film_head, mount_head_camera
 from blendcap.synthetic.makeup import draw_makeup
 from blendcap.synthetic.performer import make_performer
 from blendcap.synthetic.takes import choose_points, make_take
+from blendcap.view import write_still
 
+out = Path(sys.argv[1] if len(sys.argv) > 1 else "out")
+out.mkdir(exist_ok=True)
 RATE, SIZE = 12.0, (320, 240)
 LIDS = ("eyeBlinkLeft", "eyeBlinkRight")
 
@@ -56,7 +61,11 @@ take, binding, patches, _, truth = filmed(repeats=1, seed=2)
 curves = blendcap.classify(classifier, patches)
 print("trusted to", curves.confidence.mean(0).round(2), curves.names)
 true = truth.animation.select(LIDS).weights
+blink = int(true.sum(1).argmax())
 for name, told in (("markers only", None), ("markers and patches", curves)):
     solution = blendcap.solve(rig, take, binding, patches=told)
     lids = solution.animation.select(LIDS).weights
+    write_still(
+        out / f"{name.replace(' ', '_')}.png", rig, solution.animation.weights[blink], size=(450, 380), yaws=(0.0,)
+    )
     print(f"{name}: blinks off by {np.abs(lids - true).mean():.3f}, marker error {solution.rms_mm:.2f} mm")

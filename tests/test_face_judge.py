@@ -46,11 +46,13 @@ def test_face_mesh_finds_faces_and_features(judge, data, kind):
     found = judge.report(frames, judge.errors(frames, points))
     assert found["found"][0] >= 99 and found["found"][1] >= 95
     assert max(found["all but jaw, brows and nose tip"]) < 3.3
+    assert judge.report(frames, judge.errors_across_lines(frames, points))["all but the nose tip"][2] < 3.3
     assert max(judge.report(frames, judge.errors_without_offsets(frames, points))["all but the nose tip"]) < 3.3
 
 
-def test_a_constant_step_in_the_face_is_taken_away_and_no_other(judge):
+def test_a_constant_step_in_the_face_is_taken_away_and_no_other(judge, monkeypatch):
     """A step in space, seen by cameras of any yaw: fitted on other people, it leaves nothing; what differs stays."""
+    monkeypatch.setattr(judge, "FACEMESH", np.arange(136).reshape(68, 2))  # vertices of their own for each landmark
     rng = np.random.default_rng(4)
     steps, places = rng.normal(scale=0.05, size=(68, 3)), rng.normal(size=(68, 3))
     frames, points, none = [], [], np.empty(0)
@@ -61,7 +63,7 @@ def test_a_constant_step_in_the_face_is_taken_away_and_no_other(judge):
             span = np.linalg.norm(truth[36] - truth[45]) / np.cos(yaw)
             frames.append(judge.Frame("any", person, "neutral", yaw, none, truth))
             points.append(np.zeros((478, 2)))
-            points[-1][judge.FACEMESH] = truth + span * steps @ turn
+            points[-1][judge.FACEMESH] = (truth + span * steps @ turn)[:, None]
     points = np.array(points)
     assert judge.errors(frames, points).mean() > 0.04
     assert judge.errors_without_offsets(frames, points).max() < 1e-9
@@ -71,3 +73,22 @@ def test_a_constant_step_in_the_face_is_taken_away_and_no_other(judge):
     points[0] = np.nan
     assert np.isnan(judge.errors_without_offsets(frames, points)[0]).all()
     assert np.isfinite(judge.errors_without_offsets(frames, points)[1:]).all()
+
+
+def test_along_jaw_and_brows_a_point_may_lie_anywhere_on_the_line(judge, monkeypatch):
+    monkeypatch.setattr(judge, "FACEMESH", np.arange(136).reshape(68, 2))
+    truth = np.random.default_rng(5).normal(size=(68, 2))
+    truth[:17] = np.stack([np.linspace(0, 160, 17), 50 * np.ones(17)], 1)  # a straight jaw
+    truth[[36, 45]] = (0, 0), (100, 0)
+    frame = judge.Frame("any", 0, "neutral", 0.0, np.empty(0), truth)
+
+    def away(step: tuple[float, float], mark: int, measure=judge.errors_across_lines) -> float:
+        points = np.zeros((1, 478, 2))
+        points[0, judge.FACEMESH] = truth[:, None]
+        points[0, judge.FACEMESH[mark]] += step
+        return float(measure([frame], points)[0, mark])
+
+    assert away((4, 0), 8) == pytest.approx(0, abs=1e-12) and away((4, 0), 8, judge.errors) == pytest.approx(0.04)
+    assert away((4, -3), 8) == pytest.approx(0.03)
+    assert away((10, 0), 16) == pytest.approx(0.10)  # beyond the end of the line
+    assert away((3, 4), 40) == pytest.approx(0.05)  # an eye is no line
