@@ -357,7 +357,13 @@ def semicolons(folder, rig, truth):
     return ["info", "semi.csv"], sentence
 
 
-REFUSALS = [csv_of_another_program, semicolons,
+def landmarks_on_a_template_without_any(folder, rig, truth):
+    (folder / "scan.json").write_text('{"30": 4, "36": 17, "45": 30}')
+    arguments = ["rig", "build", "rig.glb", "-o", "new.glb", "--template", "rig.glb", "--landmarks", "scan.json"]
+    return arguments, unknown_place(folder, rig, truth)[1]
+
+
+REFUSALS = [landmarks_on_a_template_without_any, csv_of_another_program, semicolons,
             glb_that_is_none, folder_without_a_rig, output_that_is_an_input, places_that_are_an_input,
             output_under_a_file, demo_in_a_file,
             misspelt_stable_marker, unknown_stable_marker, stable_marker_without_a_place, too_few_stable_markers,

@@ -167,12 +167,14 @@ def _read_landmarks(path: Path, scan: Mesh, template: Rig) -> tuple[SurfacePoint
     """Landmarks of a file, on the scan as it was read: their partners on the template, and their places (L, 3)."""
     import numpy as np
 
-    from blendcap.data import Rig
+    from blendcap.data import Rig, landmarks68
     from blendcap.io import read_correspondences, read_points
     from blendcap.io.opening import read_json
     from blendcap.markers.correspondences import resolve
     from blendcap.modeling.landmark_pairs import partners
 
+    if not template.points:
+        landmarks68(template)  # says how to give it some
     content = read_json(path)
     if isinstance(content, dict) and "points" in content:
         points = read_points(path)
