@@ -7,12 +7,12 @@ from scipy.optimize import lsq_linear
 from blendcap.data import InputError
 from blendcap.numerics.boxls import solve_box
 from blendcap.solving.curves import Curves
+from blendcap.solving.events import FREE
 from blendcap.solving.learned import (
     HANDOVER_FRAMES,
     HELMET_RIDGE,
     HELMET_STEP,
     _Belief,
-    _pull_along,
     _terms,
     handed_over,
     solve_learned,
@@ -25,14 +25,12 @@ from blendcap.solving.prior import (
     HOLD,
     PSEUDO_FRAMES,
     REACH,
-    SPAN,
     STEP_FLOOR,
     TakePrior,
     learn_prior,
     resting,
     step_weights,
     symmetric_prior,
-    trend,
 )
 from blendcap.solving.rows import MarkerRows, marker_rows
 from blendcap.solving.settings import SolveSettings
@@ -264,18 +262,6 @@ def test_a_weight_at_rest_leaves_nothing_open():
     assert learned.steps[2] == pytest.approx(STEP_FLOOR**2)
 
 
-def test_a_quick_shape_on_its_way_has_small_steps():
-    rows, _ = random_rows(gaps=0.0)
-    start = symmetric_prior(MIRROR, 0.0, rate=60)
-    ramp = np.tile(np.linspace(0.1, 0.9, 60)[:, None], (1, SHAPES))
-    precision = 0.01 * np.eye(SHAPES + 2)
-    args = (start, ramp, rows.gram, start, precision, 0.3, 60)
-    plain, learned = learn_prior(*args)[0].steps, learn_prior(*args, np.arange(SHAPES) == 4)[0].steps
-    own = np.diff(ramp[:, 4]) - trend(ramp, np.ones(SHAPES, bool))[1:, 4]
-    assert plain[4] - learned[4] == pytest.approx((np.diff(ramp[:, 4]) ** 2).mean() - (own**2).mean())
-    assert np.array_equal(plain[:4], learned[:4])
-
-
 def test_a_held_shape_hardly_moves():
     prior = symmetric_prior(MIRROR, 0.9, rate=60)
     held = prior.holding(np.array([0, 0, 1, 0, 0], bool))
@@ -311,43 +297,28 @@ def test_an_event_is_charged_less_than_rest():
     weights = np.zeros((30, SHAPES))
     weights[15:, 0] = 0.8
     prior = symmetric_prior(MIRROR, 0.9, rate=60)
-    factors = step_weights(weights, prior, MIRROR, np.zeros(SHAPES, bool))
+    factors = step_weights(weights, prior, MIRROR)
     assert factors[15, 0] < 0.01 and np.allclose(factors[20:, 0], factors[1, 0]) and factors[1, 0] > 1
     assert np.allclose(factors[14:17, 0], factors[15, 0])  # the steps beside it may belong to it
     assert np.array_equal(factors[:, 0], factors[:, 1])  # and its partner's
     assert np.allclose(factors[1:, 4], factors[1, 0])
-    faster = step_weights(weights, prior, MIRROR, np.arange(SHAPES) == 4)
-    assert np.array_equal(faster[:, :4], factors[:, :4])
-    backwards = step_weights(weights[::-1], prior, MIRROR, np.zeros(SHAPES, bool))
+    backwards = step_weights(weights[::-1], prior, MIRROR)
     assert np.allclose(backwards[1:], factors[1:][::-1])
-
-
-def test_a_quick_shape_on_its_way_goes_on():
-    """A steady step is no surprise: it is charged as if the shape stood still; a lone one is foretold but in part."""
-    quick = np.arange(SHAPES) == 4
-    prior = TakePrior(np.eye(SHAPES), np.full(SHAPES, 1e-3))
-    ramp = np.tile(np.arange(20.0)[:, None] * 0.05, (1, SHAPES))
-    foretold = trend(ramp, quick)
-    assert np.allclose(foretold[4:-3, 4], 0.05) and not foretold[:, :4].any() and foretold[0, 4] == 0
-    factors, still = (step_weights(w, prior, MIRROR, quick) for w in (ramp, 0 * ramp))
-    assert np.allclose(factors[5:-5, 4], still[5:-5, 4]) and (factors[5:-5, 0] < 0.5 * still[5:-5, 0]).all()
-    assert np.allclose(still[1:, 4], still[1:, 0])
 
 
 # The learned solve
 
 
 def test_one_pass_is_one_least_squares():
-    """A quick shape is spread over few frames from the first pass on: what that flattens no later pass finds again."""
+    """A quick shape is free in the first pass: what that would flatten no later pass could find again."""
     rows, _ = random_rows()
     quick = np.arange(SHAPES) == 4
     answer = solve_learned(rows, MIRROR, 30.0, 0.4, symmetry=0.9, smoothness=0.7, passes=1, quick=quick)
     prior = symmetric_prior(MIRROR, 0.9, 30.0)
     quadratic = HELMET_RIDGE * np.eye(SHAPES + 2)
     quadratic[:SHAPES, :SHAPES] = 0.16 * np.linalg.inv(prior.covariance)
-    coupling = 0.16 * np.r_[0.7 / prior.steps, np.full(2, 1 / (2 * HELMET_STEP**2))]
-    assert coupling[4] > 3 * SPAN * rows.mean_gram[4, 4]  # probable, but more than the frame itself tells
-    coupling[4] = 0.7 * SPAN * rows.mean_gram[4, 4]
+    steps = np.where(quick, 2 * FREE**2, prior.steps)
+    coupling = 0.16 * np.r_[0.7 / steps, np.full(2, 1 / (2 * HELMET_STEP**2))]
     expected = least_squares(rows, quadratic, coupling=coupling)
     assert np.abs(answer.unknowns - expected).max() < 1e-6
     assert np.array_equal(answer.energies["markers"], np.nansum(rows.errors(answer.unknowns) ** 2, axis=1))
@@ -384,16 +355,16 @@ def test_energies_are_the_objective():
     rng = np.random.default_rng(4)
     belief = _Belief(
         symmetric_prior(MIRROR, 0.9, 30.0), 0.4, rng.uniform(0.5, 2, (FRAMES, SHAPES)),
-        np.pad(rng.normal(scale=0.1, size=(FRAMES - 1, SHAPES)), ((1, 0), (0, 0))), np.zeros(SHAPES, bool),
-        np.arange(FRAMES)[:, None] < rng.integers(0, FRAMES, SHAPES), np.linspace(0.2, 1, MARKERS),
+        np.zeros(SHAPES, bool), np.arange(FRAMES)[:, None] < rng.integers(0, FRAMES, SHAPES),
+        np.linspace(0.2, 1, MARKERS),
     )  # fmt: skip
     curves = Curves(*rng.random((2, FRAMES, SHAPES)))
-    terms = _terms(rows, belief, 30.0, 0.7, np.arange(SHAPES) == 4, curves, np.full(SHAPES, 0.2))
+    terms = _terms(rows, belief, 30.0, 0.7, curves, np.full(SHAPES, 0.2))
     diagonal, pull = terms.diagonal_and_pull()
     assert diagonal[:, :SHAPES][handed_over(belief.resting) > 0.5].min() > 100 and not diagonal[:, SHAPES:].any()
 
     def told(a):
-        value = 2 * ((terms.rows.linear + pull + _pull_along(terms.coupling, terms.foretold)) * a).sum()
+        value = 2 * ((terms.rows.linear + pull) * a).sum()
         for t in range(FRAMES):
             h = terms.rows.rows[~rows.missing[t]].reshape(-1, a.shape[1])
             value += a[t] @ (h.T @ h + terms.precision + np.diag(diagonal[t])) @ a[t]
@@ -499,18 +470,6 @@ def test_a_marker_that_goes_astray_does_not_drive_the_face():
               for r in (swapped, without, rows)]  # fmt: skip
     assert errors[0] < 1.5 * errors[1] and errors[2] < errors[1]
     assert solve_learned(rows, MIRROR, 60.0, 0.1).trusted.min() == 1.0
-
-
-def test_foretold_steps_are_a_linear_term():
-    coupling = np.random.default_rng(1).uniform(1, 4, (9, SHAPES + 2))
-    foretold = np.zeros((9, SHAPES))
-    foretold[1:] = np.random.default_rng(2).normal(scale=0.1, size=(8, SHAPES))
-    a = np.random.default_rng(3).uniform(size=(9, SHAPES + 2))
-    steps = np.diff(a, axis=0)
-    steps[:, :SHAPES] -= foretold[1:]
-    plain, shifted = ((coupling[1:] * s**2).sum() for s in (np.diff(a, axis=0), steps))
-    constant = (coupling[1:, :SHAPES] * foretold[1:] ** 2).sum()
-    assert shifted == pytest.approx(plain + 2 * (_pull_along(coupling, foretold) * a).sum() + constant)
 
 
 def test_targets_are_relinearized_before_the_last_pass():

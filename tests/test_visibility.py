@@ -6,7 +6,15 @@ import pytest
 from blendcap.data.names import ARKIT52, mirror_map, opposite_map
 from blendcap.solving.rows import marker_rows
 from blendcap.solving.trust import ASTRAY, trust
-from blendcap.solving.visibility import Kinship, held_shapes, joint_errors, lasting_noise, weight_errors
+from blendcap.solving.visibility import (
+    UNSEEN,
+    Kinship,
+    held_shapes,
+    joint_errors,
+    lasting_noise,
+    together,
+    weight_errors,
+)
 
 PAIRS = np.array([1, 0, 3, 2, 5, 4])
 
@@ -38,6 +46,17 @@ def test_what_has_a_marker_of_its_own_is_seen():
     inverse = np.linalg.inv(9 / 0.09 * np.eye(6) + np.linalg.inv(single))
     expected = 1 / np.sqrt(1 / np.diag(inverse) - 1 / 0.35**2)
     assert np.allclose(joint_errors(rows, 0.3, kin(), np.zeros(6), np.ones(6, bool)), expected, rtol=1e-6)
+
+
+def test_two_sides_that_are_hardly_seen_tell_together_what_they_do():
+    """A half of a millimetre on either side: each alone would be held, the two are one unknown that is seen."""
+    errors = together(np.array([0.4, 0.3, np.inf, 0.2, np.inf, np.inf]), PAIRS)
+    assert np.allclose(errors, [0.24, 0.24, 0.2, 0.2, np.inf, np.inf])
+    assert together(np.array([0.5]), np.array([0])) == 0.5  # nobody is his own partner
+    noise = 1.2 * UNSEEN * 3.0
+    assert (weight_errors(rows_of(apart()), noise) > UNSEEN).all()
+    assert not held_shapes(rows_of(apart()), noise, kin()).any()
+    assert held_shapes(rows_of(apart()), 1.5 * noise, kin()).all()
 
 
 def test_two_shapes_that_look_alike_cannot_both_be_seen():

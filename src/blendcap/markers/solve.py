@@ -296,7 +296,8 @@ def _warn(unseen: dict[str, float], held: tuple[str, ...], method: str) -> None:
     others = ", ".join(name for name in unseen if name not in held)
     parts = [f"Held at rest: {', '.join(held)}."] if held else []
     if others:
-        parts.append(f"{'A guess' if method == 'paper' else 'Following their partner on the other side'}: {others}.")
+        how = "A guess" if method == "paper" else "Told only by, or together with, their partner on the other side"
+        parts.append(f"{how}: {others}.")
     log.warning("These markers cannot tell the weights of %d shapes. %s", len(unseen), " ".join(parts))
 
 

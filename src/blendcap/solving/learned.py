@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
@@ -12,11 +12,11 @@ from scipy.ndimage import uniform_filter1d
 from blendcap.data import Certificate
 from blendcap.numerics.boxseq import solve_box_sequence
 from blendcap.solving.curves import CURVE_ERROR, Curves
+from blendcap.solving.events import FREE, lid_events, told_by_frames
 from blendcap.solving.prior import (
     HELMET_RIDGE,
     HELMET_STEP,
     HOLD,
-    SPAN,
     START_DEVIATION,
     SYMMETRY,
     TakePrior,
@@ -25,7 +25,6 @@ from blendcap.solving.prior import (
     resting,
     step_weights,
     symmetric_prior,
-    trend,
 )
 from blendcap.solving.rows import MarkerRows
 from blendcap.solving.trust import marker_errors, overall, trust
@@ -90,8 +89,8 @@ def solve_learned(
     where s is the noise, C the covariance of poses, q the variance of steps and w their Student weights;
     C, q and w are re-estimated between passes. From the second pass on shapes that the markers cannot tell are held at
     rest (`held_shapes`), and so is, frame by frame, the smaller of two that exclude each other (`resting`). Markers
-    that went astray count less (`trust`), and a quick shape's step is charged for what it differs from the `trend` of
-    the answer before. Curves add `sum_i s² / e_i² c_ti (a_ti - ã_ti)²` (Eq. 4, Eq. 38) with
+    that went astray count less (`trust`), and a quick shape is free while it moves and held back while it is calm
+    (`lid_events`). Curves add `sum_i s² / e_i² c_ti (a_ti - ã_ti)²` (Eq. 4, Eq. 38) with
     their confidence c; a solve of the markers alone before puts the curves of shapes that markers see on their scale
     and tells how far each still errs, e_i. A curve of a shape that no marker sees counts in full.
 
@@ -108,8 +107,8 @@ def solve_learned(
     symmetry, smoothness, passes
         As in SolveSettings.
     quick : (N,) bool, optional
-        Shapes that move within a few frames, as eyelids do: neighbouring frames are never worth much more than the
-        frame itself, and their poses are believed to reach farther than they do on average.
+        Shapes that move within a few frames and else are calm, as eyelids: when they do is decided from all frames at
+        once, and their poses are believed to reach farther than they do on average.
     kinship : Kinship, optional
         Which shapes exclude each other and which are lids and eyeballs; partners alone if not given.
     curves : Curves, optional
@@ -121,23 +120,24 @@ def solve_learned(
     progress : callable
         Told what begins.
     """
-    start = symmetric_prior(mirror, symmetry, rate)
-    kinship = Kinship.of_pairs(mirror, symmetry) if kinship is None else kinship
     quick = np.zeros(len(mirror), dtype=bool) if quick is None else quick
+    start = symmetric_prior(mirror, symmetry, rate)
+    start = replace(start, steps=np.where(quick, FREE**2 * 60 / rate, start.steps))
+    kinship = Kinship.of_pairs(mirror, symmetry) if kinship is None else kinship
     belief = _Belief.first(start, max(noise, START_NOISE), len(rows.rows))
     told_error = np.full(len(mirror), curve_error)
     if curves is not None:
         progress("the markers alone")
-        curves, told_error = _calibrated(rows, belief, rate, smoothness, quick, curves, curve_error)
+        curves, told_error = _calibrated(rows, belief, rate, smoothness, curves, curve_error)
     progress(f"pass 1 of {passes}")
-    terms = _terms(rows, belief, rate, smoothness, quick, curves, told_error)
+    terms = _terms(rows, belief, rate, smoothness, curves, told_error)
     unknowns, certificate = terms.solved()
     for k in range(1, passes):
         belief = _learned(rows, terms, unknowns, belief, start, noise, rate, quick, kinship)
         if relinearize is not None and k == passes - 1:
             rows = rows.with_targets(relinearize(unknowns))
         progress(f"pass {k + 1} of {passes}")
-        terms = _terms(rows, belief, rate, smoothness, quick, curves, told_error)
+        terms = _terms(rows, belief, rate, smoothness, curves, told_error)
         unknowns, certificate = terms.solved(unknowns)
     energies = terms.energies(unknowns)
     return Answer(rows, unknowns, energies, certificate, belief.noise, belief.held, belief.trusted)
@@ -152,8 +152,8 @@ class _Belief:
     prior : TakePrior
     noise : float
         mm.
-    factors, foretold : (T, N)
-        Student weights of the steps, and the steps that quick shapes are about to make; one row before any is known.
+    factors : (T, N)
+        On the coupling of each step: Student weights; one row before any is known.
     held : (N,) bool
     resting : (T, N) bool
         Shapes at rest because one that excludes them is on; one row before any is known.
@@ -163,7 +163,6 @@ class _Belief:
     prior: TakePrior
     noise: float
     factors: np.ndarray
-    foretold: np.ndarray
     held: np.ndarray
     resting: np.ndarray
     trusted: np.ndarray
@@ -171,7 +170,7 @@ class _Belief:
     @staticmethod
     def first(prior: TakePrior, noise: float, markers: int) -> _Belief:
         none = np.zeros((1, len(prior.steps)), dtype=bool)
-        return _Belief(prior, noise, 1.0 - none, 0.0 * none, none[0], none, np.ones(markers))
+        return _Belief(prior, noise, 1.0 - none, none[0], none, np.ones(markers))
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,7 +184,6 @@ class _Terms:
     precision: np.ndarray
     hold: np.ndarray
     coupling: np.ndarray
-    foretold: np.ndarray
     curves: Curves | None
     told_error: np.ndarray
     strength: np.ndarray
@@ -194,8 +192,8 @@ class _Terms:
         """The unknowns (T, N + K) at its optimum."""
         diagonal, pull = self.diagonal_and_pull()
         unknowns, certificate = solve_box_sequence(
-            self.rows.gram + self.precision, self.rows.linear + pull + _pull_along(self.coupling, self.foretold),
-            self.coupling, diagonal=diagonal, lower=self.rows.lower, upper=self.rows.upper, start=start,
+            self.rows.gram + self.precision, self.rows.linear + pull, self.coupling,
+            diagonal=diagonal, lower=self.rows.lower, upper=self.rows.upper, start=start,
             rows=self.rows.rows, missing=self.rows.missing,
         )  # fmt: skip
         log.info("%d Newton steps, KKT %.1e", certificate.iterations, certificate.max_kkt)
@@ -218,7 +216,6 @@ class _Terms:
         """{term: (T,)} mm²."""
         rows = self.rows
         steps = np.diff(unknowns, axis=0, prepend=unknowns[:1])
-        steps[:, : rows.shapes] -= self.foretold
         steps = steps**2 * self.coupling
         energies = {
             "markers": np.nansum(rows.errors(unknowns) ** 2, axis=1),
@@ -233,16 +230,14 @@ class _Terms:
 
 
 def _terms(
-    rows: MarkerRows, belief: _Belief, rate: float, smoothness: float, quick: np.ndarray, curves: Curves | None,
-    told_error: np.ndarray,
+    rows: MarkerRows, belief: _Belief, rate: float, smoothness: float, curves: Curves | None, told_error: np.ndarray,
 ) -> _Terms:  # fmt: skip
     weighed = rows.weighed(belief.trusted)
     return _Terms(
         weighed,
         _precision(belief.prior, belief.noise, len(rows.lower)),
         handed_over(belief.resting) * (belief.noise / (HOLD * START_DEVIATION)) ** 2,
-        _coupling(weighed, belief.prior, belief.noise, rate, smoothness * belief.factors, quick),
-        belief.foretold,
+        _coupling(weighed, belief.prior, belief.noise, rate, smoothness * belief.factors),
         curves,
         told_error,
         (belief.noise / told_error) ** 2,
@@ -266,39 +261,43 @@ def _learned(
     weights, weighed = unknowns[:, : rows.shapes], terms.rows
     diagonal, _ = terms.diagonal_and_pull()
     known = terms.precision if diagonal is None else terms.precision + np.diag(diagonal.mean(0))
-    prior, covariance = learn_prior(start, weights, weighed.mean_gram, belief.prior, known, belief.noise, rate, quick)
+    prior, covariance = learn_prior(start, weights, weighed.mean_gram, belief.prior, known, belief.noise, rate)
     leverage = np.einsum("mki,ij,mkj->m", weighed.rows, covariance / belief.noise**2, weighed.rows)
     trusted = trust(marker_errors(rows, unknowns, leverage))
     noise = max(least, overall(rows, unknowns, leverage, trusted))
     held = held_shapes(rows.weighed(trusted), lasting_noise(noise, least), kinship, terms.told())
     prior = prior.reaching(quick).holding(held)
-    factors = step_weights(weights, prior, kinship.mirror, quick)
-    return _Belief(prior, noise, factors, trend(weights, quick), held, resting(weights, kinship.opposite), trusted)
+    factors = step_weights(weights, prior, kinship.mirror)
+    prior, factors = _with_lids(prior, factors, terms, unknowns, noise, rate, quick, kinship)
+    return _Belief(prior, noise, factors, held, resting(weights, kinship.opposite), trusted)
 
 
-def _pull_along(coupling: np.ndarray, foretold: np.ndarray) -> np.ndarray:
-    """(T, N + K) linear term of `c_t (a_t - a_(t-1) - f_t)²` with the steps foretold (T, N), mm²."""
-    push = np.zeros_like(coupling)
-    push[:, : foretold.shape[1]] = coupling[:, : foretold.shape[1]] * foretold
-    return np.vstack([push[1:], np.zeros_like(push[:1])]) - push
+def _with_lids(
+    prior: TakePrior, factors: np.ndarray, terms: _Terms, unknowns: np.ndarray, noise: float, rate: float,
+    quick: np.ndarray, kinship: Kinship,
+) -> tuple[TakePrior, np.ndarray]:  # fmt: skip
+    """The prior and the factors with those of quick shapes: a step's deviation lies between calm and free."""
+    told = told_by_frames(terms.rows, unknowns, noise, terms.curves, (noise / terms.told_error) ** 2)
+    chance, calm = lid_events(*told, quick, kinship.partner, rate)
+    free = np.maximum(FREE**2 * 60 / rate, calm)
+    return (
+        replace(prior, steps=np.where(quick, calm, prior.steps)),
+        np.where(quick, (calm / free) ** chance, factors),
+    )
 
 
-def _coupling(rows: MarkerRows, prior: TakePrior, noise: float, rate: float, factors, quick: np.ndarray) -> np.ndarray:
-    """(T, N + K) coupling of neighbouring frames, mm²; `factors` (T, N) are those on the shapes'.
-
-    Where the markers hardly see a quick shape, the most probable coupling would spread its blinks over many frames.
-    """
+def _coupling(rows: MarkerRows, prior: TakePrior, noise: float, rate: float, factors) -> np.ndarray:
+    """(T, N + K) coupling of neighbouring frames, mm²; `factors` (T, N) are those on the shapes'."""
     coupling = np.full((len(rows.targets), len(rows.lower)), noise**2 / (HELMET_STEP**2 * 60 / rate))
-    probable, seen = noise**2 / prior.steps, np.diag(rows.mean_gram)[: rows.shapes]
-    coupling[:, : rows.shapes] = factors * np.where(quick, np.minimum(probable, SPAN * seen), probable)
+    coupling[:, : rows.shapes] = factors * noise**2 / prior.steps
     return coupling
 
 
 def _calibrated(
-    rows: MarkerRows, belief: _Belief, rate: float, smoothness: float, quick: np.ndarray, curves: Curves, least: float
+    rows: MarkerRows, belief: _Belief, rate: float, smoothness: float, curves: Curves, least: float
 ) -> tuple[Curves, np.ndarray]:
     """The curves on the markers' scale and their errors (N,), told by a solve that does not know them."""
-    terms = _terms(rows, belief, rate, smoothness, quick, None, np.full(rows.shapes, least))
+    terms = _terms(rows, belief, rate, smoothness, None, np.full(rows.shapes, least))
     alone, _ = terms.solved()
     noise = belief.noise
     variance = posterior(rows.mean_gram, terms.precision, belief.prior.steps, noise**2)[0].diagonal()[: rows.shapes]

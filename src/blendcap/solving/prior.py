@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import correlate1d, uniform_filter1d
+from scipy.ndimage import uniform_filter1d
 
 START_DEVIATION = 0.35  # of a weight, before the take is seen
 SYMMETRY = 0.97  # correlation of left and right partners, likewise
@@ -23,9 +23,7 @@ HOLD = 0.03  # factor on the standard deviation of a shape that is held at rest
 FREEDOM = 0.25  # degrees of freedom of Student's t: the smaller, the more a large step is an event
 STUDENT_SCALE = 0.5  # of the variance of the steps
 EVENT_FRAMES = 3
-REACH = 1.25  # factor on the deviation of shapes that blink: it tells how long eyes are shut, not how far they close
-SPAN = 2.0  # a shape that blinks is coupled to its neighbours by at most so many times what its own frame tells of it
-TREND = (1, 4, 6, 4, 1)  # weights of the neighbouring steps that foretell a step of theirs
+REACH = 1.5  # factor on the deviation of shapes that blink: it tells how long eyes are shut, not how far they close
 DECISION_FRAMES = 5  # over which it is decided which of two shapes rests
 FREQUENCIES = 16  # at which the posterior covariance is sampled
 
@@ -79,7 +77,7 @@ def symmetric_prior(mirror: np.ndarray, symmetry: float, rate: float) -> TakePri
 
 def learn_prior(
     start: TakePrior, weights: np.ndarray, gram: np.ndarray, current: TakePrior, precision: np.ndarray,
-    noise: float, rate: float, quick: np.ndarray | None = None,
+    noise: float, rate: float,
 ) -> tuple[TakePrior, np.ndarray]:  # fmt: skip
     """The prior re-estimated from an answer, and the mean posterior covariance (N + K, N + K) of its unknowns.
 
@@ -98,8 +96,6 @@ def learn_prior(
         mm.
     rate : float
         Frames a second.
-    quick : (N,) bool, optional
-        Shapes that move within a few frames: of their steps counts what differs from the `trend`.
     """
     frames, count = weights.shape
     open_all, open_step = posterior(gram, precision, current.steps, noise**2)
@@ -109,45 +105,28 @@ def learn_prior(
     moment = weights.T @ weights / frames + np.sqrt(free)[:, None] * open_pose * np.sqrt(free)
     covariance = (frames * moment + PSEUDO_FRAMES * start.covariance) / (frames + PSEUDO_FRAMES)
     covariance[np.diag_indices(count)] += DEVIATION_FLOOR**2
-    surprise = np.diff(weights, axis=0) - trend(weights, np.zeros(count, bool) if quick is None else quick)[1:]
-    steps = (surprise**2).mean(0) + free * open_step if frames > 1 else current.steps
+    steps = (np.diff(weights, axis=0) ** 2).mean(0) + free * open_step if frames > 1 else current.steps
     return TakePrior(covariance, steps + STEP_FLOOR**2 * 60 / rate), open_all
 
 
-def step_weights(weights: np.ndarray, prior: TakePrior, mirror: np.ndarray, quick: np.ndarray) -> np.ndarray:
+def step_weights(weights: np.ndarray, prior: TakePrior, mirror: np.ndarray) -> np.ndarray:
     """(T, N) factors on the coupling: Student's t in place of a Gaussian.
 
     A large step (a blink, a plosive) is an event and not noise, so it is charged less; a small one is charged more.
     An event rarely comes alone: steps are averaged with those of the neighbouring frames and of the partner on the
-    other side before they are judged. What a quick shape does is judged against its `trend`.
+    other side before they are judged.
 
     Parameters
     ----------
     weights : (T, N)
     prior : TakePrior
     mirror : (N,) int
-    quick : (N,) bool
-        Shapes that move within a few frames, as eyelids do.
     """
     factors = np.ones_like(weights)
-    surprise = np.diff(weights, axis=0) - trend(weights, quick)[1:]
-    scaled = surprise**2 / (STUDENT_SCALE * prior.steps)
+    scaled = np.diff(weights, axis=0) ** 2 / (STUDENT_SCALE * prior.steps)
     scaled = uniform_filter1d((scaled + scaled[:, mirror]) / 2, EVENT_FRAMES, axis=0)
     factors[1:] = (FREEDOM + 1) / (FREEDOM + scaled)
     return factors
-
-
-def trend(weights: np.ndarray, quick: np.ndarray) -> np.ndarray:
-    """(T, N) the step into each frame that the steps around it foretell: a lid on its way goes on; 0 where not quick.
-
-    Parameters
-    ----------
-    weights : (T, N)
-    quick : (N,) bool
-        Shapes that move within a few frames. Others are so slow that a step is charged as such.
-    """
-    steps = correlate1d(np.diff(weights, axis=0), np.array(TREND) / sum(TREND), axis=0, mode="constant")
-    return np.pad(steps * quick, ((1, 0), (0, 0)))
 
 
 def resting(weights: np.ndarray, opposite: np.ndarray) -> np.ndarray:

@@ -62,7 +62,7 @@ def held_shapes(rows: MarkerRows, noise: float, kinship: Kinship, told: np.ndarr
     """(N,) bool: shapes that the markers cannot tell apart from others or from nothing.
 
     A shape counts as seen if the markers, with all other shapes free to explain them too, know its weight better than
-    UNSEEN, or that of its partner on the other side, which it then follows. The worst is held at rest with its
+    UNSEEN, together with its partner on the other side, since the two go together. The worst is held at rest with its
     partner, and the rest judged anew, until all that is left is seen. Where lids and gaze explain the same motion of a
     lid, the gaze is held, and so it is where markers tell neither a lid that goes down nor one that goes up: markers
     sit on lids and not on eyeballs.
@@ -79,7 +79,7 @@ def held_shapes(rows: MarkerRows, noise: float, kinship: Kinship, told: np.ndarr
     mirror = kinship.partner
     precision = np.broadcast_to(told, mirror.shape)
     alone = weight_errors(rows, noise, precision)
-    free = np.minimum(alone, alone[mirror]) < UNSEEN
+    free = together(alone, mirror) < UNSEEN
     swings = kinship.lids & (kinship.opposite != np.arange(len(mirror)))
     if swings.any() and not (free | free[kinship.opposite])[swings].any():
         free &= ~kinship.eyeballs
@@ -95,6 +95,13 @@ def held_shapes(rows: MarkerRows, noise: float, kinship: Kinship, told: np.ndarr
         else:
             free[[worst, mirror[worst]]] = False
     return ~free
+
+
+def together(errors: np.ndarray, partner: np.ndarray) -> np.ndarray:
+    """(N,) standard error of what a shape and its partner do alike, from that of each (N,), may be infinite."""
+    precision = errors**-2.0
+    total = precision + precision[partner] * (partner != np.arange(len(partner)))
+    return np.divide(1.0, np.sqrt(total), out=np.full(len(total), np.inf), where=total > 0)
 
 
 def lasting_noise(noise: float, least: float) -> float:
