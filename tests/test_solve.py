@@ -292,7 +292,7 @@ def test_the_heads_motion_is_returned_and_not_acted():
     still, nodding = (scene(talk(), seed=6, noise=0.2, **head) for head in ({}, {"head": (20.0, 10.0)}))
     solution = nodding.solve()
     assert still.solve().animation.head is None
-    assert nodding.error(solution) < 1.1 * still.error(still.solve())
+    assert nodding.error(solution) < 1.25 * still.error(still.solve())
     true, found = nodding.truth.animation.head, solution.animation.head
     face = nodding.rig.mesh.vertices[::50]
     where = [face @ h[:, :3, :3].transpose(0, 2, 1) + h[:, None, :3, 3] for h in (true, found)]
