@@ -323,13 +323,16 @@ def test_what_markers_cannot_see_is_named_and_rests(caplog):
 
     rig = full_rig().select((*SHAPES, "eyeLookInRight", "eyeLookUpRight"))
     take, truth = make_take(make_performer(rig, seed=1), talk(), markers(), seed=1, **{**CLEAN, "noise": 0.2})
-    solution = blendcap.solve(rig, take, blendcap.bind(rig, take, truth.points, method="given"))
+    moved = np.linalg.norm(rig.sample(truth.points)[1][-2:], axis=2).max(0)
+    away = [name for name, far in zip(truth.points.names, moved, strict=True) if far < 0.3]  # from the lids
+    binding = blendcap.bind(rig, take, truth.points.select(away), method="given")
+    solution = blendcap.solve(rig, take, binding)
     assert {"eyeLookInRight", "eyeLookUpRight"} <= set(solution.unseen)
     assert "eyeLookInRight" in caplog.text and "cannot tell" in caplog.text
     for name in solution.unseen:
         column = rig.index(name)
         assert solution.animation.confidence[:, column].max() < 0.8
-        if solution.unseen[name] > 0.3:
+        if name in solution.held:
             assert solution.animation.weights[:, column].max() < 0.05
     assert not {"jawOpen", "mouthSmileLeft", "browInnerUp"} & set(solution.unseen)
 
