@@ -38,6 +38,28 @@ def test_obj_keeps_order_polygons_and_reads_negative_indices(tmp_path):
     np.testing.assert_array_equal(read_mesh(tmp_path / "a.obj", unit="cm").vertices[2], [1000, 1000, 0])
 
 
+@pytest.mark.parametrize(
+    ("end", "words"),
+    [("v 0 0", "'v' number 5 has fewer than 3 numbers, and ends the file: the file was cut short; export it again"),
+     ("vt 0 0", "holds no surface .* it was cut short"),
+     ("f -5//1 -4", "face number 2 has fewer than 3 corners, and is the last: the file was cut short")],
+)  # fmt: skip
+def test_an_obj_that_was_cut_short_says_so(tmp_path, end, words):
+    (tmp_path / "a.obj").write_text(CUBE[: CUBE.rindex(end) + len(end)])
+    with pytest.raises(InputError, match=words):
+        read_mesh(tmp_path / "a.obj")
+
+
+def test_a_broken_line_within_an_obj_is_named(tmp_path):
+    for line, words in (
+        ("v 100 0 0", "'v' number 2 has fewer than 3 numbers."),
+        ("f 1/1/1 2/2/1 3", "face number 1 .*; remove it"),
+    ):
+        (tmp_path / "a.obj").write_text(CUBE.replace(line, line[:3]))
+        with pytest.raises(InputError, match=words):
+            read_mesh(tmp_path / "a.obj")
+
+
 @pytest.mark.parametrize("polygons", [True, False])
 def test_obj_survives_a_round_trip(tmp_path, polygons):
     mesh = small_rig(polygons=polygons).mesh

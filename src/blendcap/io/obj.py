@@ -13,6 +13,8 @@ from blendcap.io.fans import fans_to_polygons
 from blendcap.io.obj_materials import read_texture, write_material
 from blendcap.io.opening import read_text, reading
 
+CUT = "the file was cut short; export it again."
+
 
 def read_obj(path: str | os.PathLike, unit_mm: float = 1.0) -> Mesh:
     """A mesh from an OBJ file: `v`, `vt` and `f` lines, one surface, in the order of the file.
@@ -26,7 +28,9 @@ def read_obj(path: str | os.PathLike, unit_mm: float = 1.0) -> Mesh:
         uv = _floats(lines, "vt ", 2)
         corners = [line.split()[1:] for line in lines if line.startswith(("f ", "f\t"))]
         if not len(vertices) or not corners:
-            raise InputError(f"{path} holds no surface (no v or no f lines); export a mesh.")
+            raise InputError(
+                f"{path} holds no surface (no v or no f lines): it was cut short, or is no mesh; export one."
+            )
         polygons, uv_polygons = _polygons(corners, len(vertices), len(uv))
         faces = triangulate(polygons)
         all_triangles = polygons.shape[1] == 3
@@ -72,7 +76,8 @@ def _floats(lines: list[str], start: str, width: int) -> np.ndarray:
     rows = [line.split()[1 : width + 1] for line in lines if line.startswith((start, start.replace(" ", "\t")))]
     short = next((i for i, row in enumerate(rows) if len(row) < width), None)
     if short is not None:
-        raise InputError(f"The OBJ's line {start.strip()!r} number {short + 1} has fewer than {width} numbers.")
+        end = f", and ends the file: {CUT}" if lines[-1].startswith(start.strip()) and short == len(rows) - 1 else "."
+        raise InputError(f"The OBJ's line {start.strip()!r} number {short + 1} has fewer than {width} numbers{end}")
     return np.array(rows, dtype=np.float64).reshape(-1, width)
 
 
@@ -80,7 +85,9 @@ def _polygons(corners: list[list[str]], vertices: int, uvs: int) -> tuple[np.nda
     """Vertex and uv indices (P, K) of face lines, padded with -1. Negative numbers in the file count from its end."""
     sizes = np.array([len(row) for row in corners])
     if sizes.min() < 3:
-        raise InputError(f"The OBJ's face number {int(sizes.argmin()) + 1} has fewer than 3 corners; remove it.")
+        short = int(sizes.argmin()) + 1
+        todo = f", and is the last: {CUT}" if short == len(sizes) else "; remove it."
+        raise InputError(f"The OBJ's face number {short} has fewer than 3 corners{todo}")
     fields = [corner.split("/") for row in corners for corner in row]
     flat = np.array([int(f[0]) for f in fields], dtype=np.int64)
     flat_uv = np.array([int(f[1]) if len(f) > 1 and f[1] else 0 for f in fields], dtype=np.int64)
