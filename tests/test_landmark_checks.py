@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 import blendcap
-from blendcap.data import InputError
+from blendcap.data import InputError, SurfacePoints
 from blendcap.modeling.landmark_checks import check_landmarks
 from blendcap.modeling.landmark_names import rig_landmarks
+from blendcap.modeling.landmark_pairs import find_pairs
 from blendcap.numerics.similarity import apply
 from blendcap.numerics.surfaces import vertex_normals
 
@@ -84,3 +85,23 @@ def test_one_landmark_that_is_off_is_a_warning(caplog):
     there[2] += [0, 40, 0]
     check_landmarks(names, here, there, outside, outside)
     assert "Landmarks that lie far from where the others put them: nose_tip (" in caplog.text
+
+
+@pytest.mark.parametrize(("wrong", "kept"), [((), 66), (("nose_tip",), 65), (("eye_outer_left", "nose_tip"), 46)])
+def test_what_was_found_where_the_others_do_not_put_it_is_left_out(monkeypatch, wrong, kept):
+    """With the lines that were traced from there. What the user gave stays, with a warning."""
+    moved = [list(ALL.names).index("lip_corner_right") if name in wrong else row for row, name in enumerate(ALL.names)]
+    found = SurfacePoints(ALL.names, ALL.faces[moved], ALL.barycentric[moved])
+    monkeypatch.setattr("blendcap.modeling.landmark_pairs.find_landmarks", lambda _: found)
+    pairs, notes = find_pairs(RIG.mesh, RIG)
+    assert pairs is not None and len(pairs[1]) == kept
+    np.testing.assert_allclose(pairs[0].positions(RIG.mesh), pairs[1])
+    assert [all(name in note for name in wrong) for note in notes] == [True] * bool(wrong)
+
+
+def test_landmarks_that_were_found_all_over_are_not_used(monkeypatch):
+    order = np.random.default_rng(3).permutation(len(ALL.names))
+    found = SurfacePoints(ALL.names, ALL.faces[order], ALL.barycentric[order])
+    monkeypatch.setattr("blendcap.modeling.landmark_pairs.find_landmarks", lambda _: found)
+    pairs, notes = find_pairs(RIG.mesh, RIG)
+    assert pairs is None and "contradict each other" in notes[0]

@@ -67,16 +67,22 @@ def _listed(names: Sequence[str], pairs: list[tuple[int, int]]) -> str:
 
 def _check_each(names: Sequence[str], here: np.ndarray, there: np.ndarray, spread: float) -> None:
     """Refuse landmarks of which many lie off, warn of few."""
-    off = np.linalg.norm(apply(here, *align_robust(here, there, floor=MISFIT * spread)) - there, axis=1)
-    odd = np.argsort(off)[::-1][: int((off > ODD * spread).sum())]
-    worst = ", ".join(f"{names[k]} ({off[k]:.0f} mm)" for k in odd[:3])
-    if _misfit(here[:, None], there[:, None]) > ODD * spread or len(odd) > len(off) / 3:
+    off, odd = far_off(here, there)
+    worst = ", ".join(f"{names[k]} ({off[k]:.0f} mm)" for k in np.argsort(off)[::-1][: min(odd.sum(), 3)])
+    if _misfit(here[:, None], there[:, None]) > ODD * spread or odd.sum() > len(off) / 3:
         raise InputError(
-            f"The landmarks do not fit the template: {len(odd)} of {len(off)} lie far from where the others put them"
+            f"The landmarks do not fit the template: {odd.sum()} of {len(off)} lie far from where the others put them"
             f"{', as ' + worst if worst else ''}; check which point of the template each one names."
         )
-    if len(odd):
+    if odd.any():
         _log.warning("Landmarks that lie far from where the others put them: %s; check their places.", worst)
+
+
+def far_off(here: np.ndarray, there: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """How far landmarks (L, 3) of a scan lie from where the others put them (L,), and which lie too far (L,)."""
+    spread = _spread(there)
+    off = np.linalg.norm(apply(here, *align_robust(here, there, floor=MISFIT * spread)) - there, axis=1)
+    return off, off > ODD * spread
 
 
 def _untangled(ours: np.ndarray, scanned: np.ndarray, spread: float) -> tuple[list[tuple[int, int]], float]:

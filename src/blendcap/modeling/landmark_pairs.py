@@ -7,12 +7,14 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from blendcap.data import InputError, Mesh, Rig, SurfacePoints
-from blendcap.modeling.landmark_checks import check_landmarks
-from blendcap.modeling.landmark_names import rig_landmarks
+from blendcap.data.names import listed
+from blendcap.modeling.landmark_checks import check_landmarks, far_off
+from blendcap.modeling.landmark_names import ENDS, LINES, contact_of, line_names, rig_landmarks
 from blendcap.modeling.landmarks import find_landmarks
 from blendcap.modeling.matching import ScanSurface
 from blendcap.numerics.surfaces import vertex_normals
 
+MISLED = 1 / 3  # of the landmarks that were found: if more lie off, nobody knows which
 FEWEST = 3  # landmarks that leave no turn open
 
 
@@ -30,7 +32,25 @@ def find_pairs(scan: Mesh, template: Rig) -> tuple[tuple[SurfacePoints, np.ndarr
     except InputError as error:
         return None, [f"No landmarks were found, so the template is aligned by its shape: {error}"]
     names = [name for name in here.names if name in there.names]
-    return (here.select(names), there.select(names).positions(scan)), []
+    if len(names) < FEWEST:
+        return None, ["The template knows too few of the scan's landmarks, so it is aligned by its shape; give some."]
+    _, odd = far_off(here.select(names).positions(template.mesh), there.select(names).positions(scan))
+    if odd.sum() > MISLED * len(names):
+        said = (
+            "The landmarks that were found contradict each other, so the template is aligned by its shape; give some."
+        )
+        return None, [said]
+    lost = [name for name, off in zip(names, odd, strict=True) if off]
+    kept = [name for name in names if name not in {*lost, *_on_lines_of(lost)}]
+    said = (
+        f"Landmarks left out, as they lie where the others do not put them: {listed(lost)}, with lines that end there."
+    )
+    return (here.select(kept), there.select(kept).positions(scan)), [said] if lost else []
+
+
+def _on_lines_of(features: Sequence[str]) -> list[str]:
+    """The points of the lines that end at one of these features."""
+    return [name for line in LINES if set(ENDS[contact_of(line)[0]]) & set(features) for name in line_names(line)]
 
 
 def check_pairs(template: Rig, pairs: tuple[SurfacePoints, np.ndarray], scan: Mesh) -> None:
