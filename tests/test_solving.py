@@ -27,7 +27,7 @@ from blendcap.solving.prior import (
     REACH,
     STEP_FLOOR,
     TakePrior,
-    learn_prior,
+    relearned_prior,
     resting,
     step_weights,
     symmetric_prior,
@@ -240,7 +240,7 @@ def test_what_the_markers_leave_open_is_the_chains_posterior():
     precision = 0.01 * np.eye(SHAPES + 2)
     precision[:SHAPES, :SHAPES] += noise**2 * np.linalg.inv(current.covariance)
     weights = np.random.default_rng(5).uniform(0.1, 0.9, (40, SHAPES))
-    learned, covariance = learn_prior(start, weights, rows.gram, current, precision, noise, 60)
+    learned, covariance = relearned_prior(start, weights, rows.gram, current, precision, noise, 60)
     pose, step = dense_chain(rows.gram, precision, current.steps, noise, 120)
     assert np.allclose(covariance, pose, rtol=1e-4, atol=1e-7)
     moment = weights.T @ weights / 40 + pose[:SHAPES, :SHAPES]
@@ -256,7 +256,7 @@ def test_a_weight_at_rest_leaves_nothing_open():
     weights = np.full((50, SHAPES), 0.5)
     weights[:, 2] = 0.0
     precision = 0.01 * np.eye(SHAPES + 2)
-    learned, _ = learn_prior(start, weights, rows.gram, start, precision, 0.3, 60)
+    learned, _ = relearned_prior(start, weights, rows.gram, start, precision, 0.3, 60)
     alone = (PSEUDO_FRAMES * start.covariance[2, 2]) / (50 + PSEUDO_FRAMES) + DEVIATION_FLOOR**2
     assert learned.covariance[2, 2] == pytest.approx(alone)
     assert learned.steps[2] == pytest.approx(STEP_FLOOR**2)

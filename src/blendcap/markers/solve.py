@@ -6,25 +6,21 @@ import logging
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from blendcap.data import Animation, Binding, InputError, MarkerTake, Rig, Solution
-from blendcap.data.names import canonical, opposite_map
 from blendcap.markers.cleaning import drop_spikes, fill_gaps
 from blendcap.markers.helmet import paper_columns, paper_motion, pivot, remove_motion, rigid_columns, rigid_motion
 from blendcap.markers.stabilization import stabilize, stabilize_live
+from blendcap.solving.answer import Answer
 from blendcap.solving.curves import Curves, curves_for
-from blendcap.solving.learned import Answer, solve_learned
-from blendcap.solving.live import solve_live
+from blendcap.solving.methods import confidence, solve_rows, standard_errors
 from blendcap.solving.noise import marker_noise
-from blendcap.solving.paper import solve_paper
-from blendcap.solving.prior import START_DEVIATION
 from blendcap.solving.rows import MarkerRows, marker_rows
 from blendcap.solving.settings import SolveSettings
-from blendcap.solving.visibility import UNSEEN, Kinship, held_shapes, joint_errors, lasting_noise, weight_errors
+from blendcap.solving.visibility import UNSEEN
 
 log = logging.getLogger(__name__)
 
@@ -111,10 +107,21 @@ def solve(
     known = positions[: math.ceil(WARM_UP * take.rate)] if settings.method == "live" else positions
     noise = _noise(known, settings)
     clock.begin("solving")
-    answer = _solve(rig, rows, take.rate, noise, settings, positions, rest, curves, clock)
+    answer = solve_rows(
+        rig, rows, take.rate, noise, settings, curves=curves, relinearize=_relinearize(rows, positions, rest, settings),
+        progress=lambda detail: clock.begin("solving", f"solving, {detail}"),
+    )  # fmt: skip
     clock.stop()
-    rows, unknowns, certificate = answer.rows, answer.unknowns, answer.certificate
-    errors = _errors(answer, noise, kinship(rig, settings.symmetry), curves, settings)
+    errors = standard_errors(rig, answer, noise, curves, settings)
+    return _solution(rig, take.rate, binding.points.names, rest, head, answer, errors, curves, settings, clock.seconds)
+
+
+def _solution(
+    rig: Rig, rate: float, markers: tuple[str, ...], rest: np.ndarray, head: np.ndarray | None, answer: Answer,
+    errors: np.ndarray, curves: Curves | None, settings: SolveSettings, seconds: dict[str, float],
+) -> Solution:  # fmt: skip
+    """All that an answer says, by the names of shapes and markers."""
+    rows, unknowns = answer.rows, answer.unknowns
     unseen = {
         name: float(e) for name, e, held in zip(rig.names, errors, answer.held, strict=True) if held or e > UNSEEN
     }
@@ -123,25 +130,24 @@ def solve(
     weights, motion = unknowns[:, : rows.shapes], _helmet_motion(unknowns[:, rows.shapes :], settings.helmet)
     residuals = rows.errors(unknowns)
     animation = Animation(
-        weights, rig.names, take.rate, head=head, confidence=_confidence(errors, rows),
-        meta={"rig": rig.name},
-    )  # fmt: skip
+        weights, rig.names, rate, head=head, confidence=confidence(errors, rows), meta={"rig": rig.name}
+    )
     return Solution(
         animation=animation,
         residuals=residuals,
         rms=_rms(residuals),
         energies=answer.energies,
-        certificate=certificate,
-        marker_names=binding.points.names,
+        certificate=answer.certificate,
+        marker_names=markers,
         helmet=motion,
         unseen=unseen,
         held=held,
-        trusted=dict(zip(binding.points.names, answer.trusted.tolist(), strict=True)),
+        trusted=dict(zip(markers, answer.trusted.tolist(), strict=True)),
         targets=rest + np.where(rows.missing[..., None], np.nan, rows.targets) - _helmet_part(rows, unknowns),
         fitted=rest + rows.predict(unknowns) - _helmet_part(rows, unknowns),
         conflict=None if curves is None else curves.conflict(weights),
         settings={**settings.as_text(), "noise (mm)": f"{answer.noise:.3f}"},
-        seconds=clock.seconds,
+        seconds=seconds,
     )
 
 
@@ -212,6 +218,21 @@ def _helmet_motion(unknowns: np.ndarray, kind: str) -> np.ndarray | None:
     return paper_motion(unknowns) if kind == "paper" else rigid_motion(unknowns)
 
 
+def _relinearize(
+    rows: MarkerRows, positions: np.ndarray, rest: np.ndarray, settings: SolveSettings
+) -> Callable[[np.ndarray], np.ndarray] | None:
+    """From unknowns (T, N + K) to targets whose helmet rotation is exact: undone as such, put back as columns."""
+    if settings.helmet == "none":
+        return None
+
+    def targets(unknowns: np.ndarray) -> np.ndarray:
+        motion = _helmet_motion(unknowns[:, rows.shapes :], settings.helmet)
+        assert motion is not None
+        return remove_motion(positions, motion, pivot(rest)) - rest + _helmet_part(rows, unknowns)
+
+    return targets
+
+
 def _helmet_part(rows: MarkerRows, unknowns: np.ndarray) -> np.ndarray:
     """(T, M, 3) mm: what the helmet's motion, and not the face's, did to the markers."""
     only = unknowns.copy()
@@ -222,72 +243,6 @@ def _helmet_part(rows: MarkerRows, unknowns: np.ndarray) -> np.ndarray:
 def _noise(positions: np.ndarray, settings: SolveSettings) -> float:
     measured = settings.noise if settings.noise is not None else max(marker_noise(positions), NO_NOISE)
     return float(np.hypot(measured, settings.model_error))
-
-
-def _solve(
-    rig: Rig, rows: MarkerRows, rate: float, noise: float, settings: SolveSettings, positions, rest,
-    curves: Curves | None, clock: _Clock,
-) -> Answer:  # fmt: skip
-    if settings.method == "paper":
-        charges = (settings.beta, settings.gamma, settings.coupling)
-        solved = solve_paper(rows, *charges, curves=curves, influence=settings.influence)
-        return _as_answer(rows, noise, np.zeros(len(rig.names), dtype=bool), *solved)
-    prior: dict[str, Any] = {"symmetry": settings.symmetry, "smoothness": settings.smoothness}
-    prior |= {"curves": curves, "curve_error": settings.curve_error}
-    if settings.method == "live":
-        told = 0.0 if curves is None else settings.curve_error**-2 * curves.confidence.any(0)
-        in_view = replace(rows, missing=np.zeros_like(rows.missing))  # what will be missing is not known yet
-        held = held_shapes(in_view, lasting_noise(noise, noise), kinship(rig, settings.symmetry), told)
-        return _as_answer(rows, noise, held, *solve_live(rows, rig.mirror, rate, noise, held=held, **prior))
-
-    def relinearize(unknowns: np.ndarray) -> np.ndarray:
-        """Targets whose helmet rotation is exact: undone as a rotation, put back as the columns have it."""
-        motion = _helmet_motion(unknowns[:, rows.shapes :], settings.helmet)
-        assert motion is not None
-        return remove_motion(positions, motion, pivot(rest)) - rest + _helmet_part(rows, unknowns)
-
-    return solve_learned(
-        rows, rig.mirror, rate, noise, **prior, passes=settings.passes, kinship=kinship(rig, settings.symmetry),
-        quick=np.array([canonical(name).startswith("eyeBlink") for name in rig.names]),
-        relinearize=None if settings.helmet == "none" else relinearize,
-        progress=lambda detail: clock.begin("solving", f"solving, {detail}"),
-    )  # fmt: skip
-
-
-def _as_answer(rows: MarkerRows, noise: float, held: np.ndarray, unknowns, energies, certificate) -> Answer:
-    return Answer(rows, unknowns, energies, certificate, noise, held, np.ones(len(rows.rows)))
-
-
-def kinship(rig: Rig, symmetry: float) -> Kinship:
-    """How the shapes of a rig belong together, by its mirror map and its names."""
-    names = [canonical(name) for name in rig.names]
-    eyeballs = np.array([name.startswith(("eyeLook", "pupil")) for name in names], dtype=bool)
-    lids = np.array([name.startswith("eye") for name in names], dtype=bool) & ~eyeballs
-    return Kinship(rig.mirror, opposite_map(rig.names), lids, eyeballs, symmetry)
-
-
-def _errors(answer: Answer, least: float, kin: Kinship, curves: Curves | None, settings: SolveSettings) -> np.ndarray:
-    """(N,) standard error of each weight: as if it alone moved, or, for a shape held, with all others at play."""
-    told = np.zeros(answer.rows.shapes) if curves is None else _told(curves, answer.noise, settings)
-    rows, noise = answer.rows.weighed(answer.trusted), lasting_noise(answer.noise, least)
-    alone = weight_errors(rows, noise, told)
-    joint = joint_errors(rows, noise, kin, told, np.ones(rows.shapes, dtype=bool))
-    return np.where(answer.held, np.maximum(alone, joint), alone)
-
-
-def _told(curves: Curves, noise: float, settings: SolveSettings) -> np.ndarray:
-    """(N,) one over variance of what the curves tell of each weight; γ of Eq. 4 is relative to the markers' noise."""
-    if settings.method != "paper":
-        return curves.precision(settings.curve_error)
-    return curves.precision(1.0) * settings.influence / noise**2
-
-
-def _confidence(errors: np.ndarray, rows: MarkerRows) -> np.ndarray:
-    """(T, N) part of a weight's variance that the markers, and not the prior, decide: 1 is seen, 0 is not.
-
-    The same in all frames, but 0 in those that see no marker at all.
-    """
-    return np.outer(~rows.missing.all(1), 1 / (1 + (errors / START_DEVIATION) ** 2))
 
 
 def _warn(unseen: dict[str, float], held: tuple[str, ...], method: str) -> None:

@@ -11,6 +11,7 @@ from scipy.ndimage import uniform_filter1d
 
 from blendcap.data import Certificate
 from blendcap.numerics.boxseq import solve_box_sequence
+from blendcap.solving.answer import Answer
 from blendcap.solving.curves import CURVE_ERROR, Curves
 from blendcap.solving.events import FREE, lid_events, told_by_frames
 from blendcap.solving.prior import (
@@ -20,8 +21,8 @@ from blendcap.solving.prior import (
     START_DEVIATION,
     SYMMETRY,
     TakePrior,
-    learn_prior,
     posterior,
+    relearned_prior,
     resting,
     step_weights,
     symmetric_prior,
@@ -35,35 +36,6 @@ log = logging.getLogger(__name__)
 START_NOISE = 0.3  # mm: assumed before the residuals are seen
 TELLING = 0.2  # the markers know a weight as well as this if they are to judge its curve
 HANDOVER_FRAMES = 9  # in which one of two shapes that exclude each other hands over to the other
-
-
-@dataclass(frozen=True, eq=False)
-class Answer:
-    """What a solve ends with.
-
-    Parameters
-    ----------
-    rows : MarkerRows
-        As last solved.
-    unknowns : (T, N + K)
-    energies : {term: (T,)}
-        mm².
-    certificate : Certificate
-    noise : float
-        mm.
-    held : (N,) bool
-        Shapes held at rest.
-    trusted : (M,)
-        How much each marker counted, 0 to 1.
-    """
-
-    rows: MarkerRows
-    unknowns: np.ndarray
-    energies: dict[str, np.ndarray]
-    certificate: Certificate
-    noise: float
-    held: np.ndarray
-    trusted: np.ndarray
 
 
 def solve_learned(
@@ -261,7 +233,7 @@ def _learned(
     weights, weighed = unknowns[:, : rows.shapes], terms.rows
     diagonal, _ = terms.diagonal_and_pull()
     known = terms.precision if diagonal is None else terms.precision + np.diag(diagonal.mean(0))
-    prior, covariance = learn_prior(start, weights, weighed.mean_gram, belief.prior, known, belief.noise, rate)
+    prior, covariance = relearned_prior(start, weights, weighed.mean_gram, belief.prior, known, belief.noise, rate)
     leverage = np.einsum("mki,ij,mkj->m", weighed.rows, covariance / belief.noise**2, weighed.rows)
     trusted = trust(marker_errors(rows, unknowns, leverage))
     noise = max(least, overall(rows, unknowns, leverage, trusted))

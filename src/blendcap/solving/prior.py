@@ -75,7 +75,7 @@ def symmetric_prior(mirror: np.ndarray, symmetry: float, rate: float) -> TakePri
     return TakePrior(START_DEVIATION**2 * covariance, steps)
 
 
-def learn_prior(
+def relearned_prior(
     start: TakePrior, weights: np.ndarray, gram: np.ndarray, current: TakePrior, precision: np.ndarray,
     noise: float, rate: float,
 ) -> tuple[TakePrior, np.ndarray]:  # fmt: skip

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from blendcap.data import Rig
+from blendcap.data.names import canonical, opposite_map
 from blendcap.solving.prior import HELMET_RIDGE, START_DEVIATION, SYMMETRY
 from blendcap.solving.rows import MarkerRows
 
@@ -41,6 +43,14 @@ class Kinship:
         """Partners and nothing else."""
         none = np.zeros(len(mirror), dtype=bool)
         return cls(mirror, np.arange(len(mirror)), none, none, symmetry)
+
+    @classmethod
+    def of_rig(cls, rig: Rig, symmetry: float = SYMMETRY) -> Kinship:
+        """What the rig's mirror map and the names of its shapes say."""
+        names = [canonical(name) for name in rig.names]
+        eyeballs = np.array([name.startswith(("eyeLook", "pupil")) for name in names], dtype=bool)
+        lids = np.array([name.startswith("eye") for name in names], dtype=bool) & ~eyeballs
+        return cls(rig.mirror, opposite_map(rig.names), lids, eyeballs, symmetry)
 
     @property
     def partner(self) -> np.ndarray:
