@@ -92,7 +92,7 @@ GRAZED = 5  # pixels along the line where the rims meet, seen edge on
 BLINKS = [{"eyeBlink": closed} for closed in (0.8, 0.9, 1.0)]
 
 
-@pytest.mark.parametrize("identity", ["ada", "mei", 1, 3, 8, 13, 18, 23])
+@pytest.mark.parametrize("identity", ["ada", "mei", 3])  # the slow test has everybody
 def test_shut_lids_hide_their_lining(identity):
     assert_lids_hide_their_lining(identity, *BLINKS)
 
