@@ -1,5 +1,7 @@
 """The one equation on random problems small enough to be written out in full."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
@@ -276,9 +278,10 @@ def test_a_quick_shape_may_go_farther_than_it_does_on_average():
     quick = np.array([1, 1, 0, 0, 0], bool)
     reaching = prior.reaching(quick)
     deviation, wider = (np.sqrt(np.diag(p.covariance)) for p in (prior, reaching))
-    assert np.allclose(wider / deviation, np.where(quick, REACH, 1)) and REACH > 1
+    assert np.allclose(wider, np.where(quick, REACH, deviation)) and deviation.max() < REACH
     assert np.allclose(reaching.covariance / np.outer(wider, wider), prior.covariance / np.outer(deviation, deviation))
     assert np.array_equal(reaching.steps, prior.steps)
+    assert np.array_equal(replace(prior, covariance=np.eye(SHAPES)).reaching(quick).covariance, np.eye(SHAPES))
 
 
 def test_of_two_that_exclude_each_other_the_smaller_rests():

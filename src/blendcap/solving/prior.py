@@ -23,7 +23,7 @@ HOLD = 0.03  # factor on the standard deviation of a shape that is held at rest
 FREEDOM = 0.25  # degrees of freedom of Student's t: the smaller, the more a large step is an event
 STUDENT_SCALE = 0.5  # of the variance of the steps
 EVENT_FRAMES = 3
-REACH = 1.5  # factor on the deviation of shapes that blink: it tells how long eyes are shut, not how far they close
+REACH = 0.5  # the least of shapes that blink: C tells how long eyes are shut, not how far they close
 DECISION_FRAMES = 5  # over which it is decided which of two shapes rests
 FREQUENCIES = 16  # at which the posterior covariance is sampled
 
@@ -48,8 +48,9 @@ class TakePrior:
         return self._scaled(np.where(held, HOLD, 1.0))
 
     def reaching(self, quick: np.ndarray) -> TakePrior:
-        """The prior that lets the shapes `quick` (N,) bool reach the height of a peak that is rare."""
-        return self._scaled(np.where(quick, REACH, 1.0))
+        """The prior that lets the shapes `quick` (N,) bool reach the height of a peak, however rare peaks are."""
+        deviation = np.sqrt(np.diag(self.covariance))
+        return self._scaled(np.where(quick, np.maximum(REACH / deviation, 1.0), 1.0))
 
     def _scaled(self, factor: np.ndarray) -> TakePrior:
         return TakePrior(self.covariance * np.outer(factor, factor), self.steps)
