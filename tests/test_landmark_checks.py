@@ -12,7 +12,6 @@ from blendcap.modeling.landmark_checks import check_landmarks
 from blendcap.modeling.landmark_names import rig_landmarks
 from blendcap.modeling.landmark_pairs import find_pairs
 from blendcap.numerics.similarity import apply
-from blendcap.numerics.surfaces import vertex_normals
 
 RIG = blendcap.mannequin(shapes=52)
 ALL = rig_landmarks(RIG)
@@ -34,10 +33,10 @@ def check(names, exchanged, person=5, noise=1.0, seed=0):
     taken = ALL.select([both.get(name, name) for name in names])
     turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
     turn *= np.linalg.det(turn)
-    outside = [p.matrix(m) @ vertex_normals(m.vertices, m.faces) for p, m in ((points, RIG.mesh), (taken, other))]
     there = taken.positions(other) + rng.normal(0, noise, (len(names), 3))
-    check_landmarks(names, points.positions(RIG.mesh), apply(there, turn, np.ones(3), 0.1), outside[0],
-                    outside[1] @ turn.T)  # fmt: skip
+    motion = turn, np.ones(3), 0.1
+    scan = other.with_vertices(apply(other.vertices, *motion))
+    check_landmarks(names, points.positions(RIG.mesh), apply(there, *motion), RIG.mesh, scan)
 
 
 @pytest.mark.parametrize("names", [FIVE, FIVE[:3], (*EYES, *EYES.values()), ALL.names])
@@ -80,10 +79,10 @@ def test_exchanged_landmarks_are_named(names, exchanged, said):
 def test_one_landmark_that_is_off_is_a_warning(caplog):
     names = (*FIVE, "lip_top", "lip_bottom", "between_eyes")
     points, mesh = ALL.select(list(names)), RIG.mesh
-    here, outside = points.positions(mesh), points.matrix(mesh) @ vertex_normals(mesh.vertices, mesh.faces)
+    here = points.positions(mesh)
     there = here.copy()
     there[2] += [0, 40, 0]
-    check_landmarks(names, here, there, outside, outside)
+    check_landmarks(names, here, there, mesh, mesh)
     assert "Landmarks that lie far from where the others put them: nose_tip (" in caplog.text
 
 

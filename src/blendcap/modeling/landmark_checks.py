@@ -6,23 +6,24 @@ import logging
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.spatial import KDTree
 
-from blendcap.data import InputError
+from blendcap.data import InputError, Mesh
 from blendcap.numerics.similarity import align, align_robust, apply
+from blendcap.numerics.surfaces import face_normals
 
 ODD = 0.4  # of the landmarks' spread: one that lies so far from where the others put it is likely another place
 MIRRORED = 0.5  # landmarks that fit the mirrored template with less than this of their misfit have their sides swapped
 MISFIT = 0.1  # of the spread: landmarks that fit this well are not looked at for exchanged ones
 APART = 0.15  # of the spread: two exchanged ones lie farther than this from their places
+AROUND = 0.3  # of the spread: how far around a landmark the surface tells outside from inside
 TIP = 0.5  # of the spread: how far outside of each landmark the point lies that tells outside from inside
 WORST = 40  # landmarks at most that are tried for exchange
 
 _log = logging.getLogger(__name__)
 
 
-def check_landmarks(
-    names: Sequence[str], here: np.ndarray, there: np.ndarray, outside_here: np.ndarray, outside_there: np.ndarray
-) -> None:
+def check_landmarks(names: Sequence[str], here: np.ndarray, there: np.ndarray, template: Mesh, scan: Mesh) -> None:
     """Refuse landmarks that contradict each other; say single ones in a warning.
 
     Points alone do not tell sides where they lie in a plane, as eyes and the corners of a mouth do: half a turn lays
@@ -33,8 +34,8 @@ def check_landmarks(
     names : (L) sequence of str
     here, there : (L, 3) float64
         On the template and on the scan.
-    outside_here, outside_there : (L, 3) float64
-        The outward normals there.
+    template, scan : Mesh
+        The surfaces that they lie on.
 
     Raises
     ------
@@ -42,7 +43,7 @@ def check_landmarks(
         If they fit the template's mirror image, two lie at each other's places, or most lie off.
     """
     spread = _spread(there)
-    ours, scanned = _raised(here, outside_here), _raised(there, outside_there)
+    ours, scanned = _raised(here, template), _raised(there, scan)
     if _misfit(ours, scanned) > MISFIT * spread:
         plain, mirror = (_untangled(side, scanned, spread) for side in (ours, ours * [-1.0, 1.0, 1.0]))
         fewer = MIRRORED * mirror[1] < plain[1] and len(mirror[0]) < len(plain[0])
@@ -122,9 +123,17 @@ def _spread(points: np.ndarray) -> float:
     return float(np.sqrt(((points - points.mean(0)) ** 2).sum(1).mean()))
 
 
-def _raised(points: np.ndarray, outside: np.ndarray) -> np.ndarray:
-    """(L, 2, 3): each point, and one outside of it."""
-    return np.stack([points, points + TIP * _spread(points) * outside], axis=1)
+def _raised(points: np.ndarray, mesh: Mesh) -> np.ndarray:
+    """(L, 2, 3): each point, and one outside of it.
+
+    Outside is where the surface faces that lies within AROUND: folds, as of lids, that lead in and out again cancel.
+    """
+    spread, normals = _spread(points), face_normals(mesh.vertices, mesh.faces)
+    centers = KDTree(mesh.vertices[mesh.faces].mean(1), balanced_tree=False, compact_nodes=False)
+    near = centers.query_ball_point(points, AROUND * spread)
+    outside = np.array([normals[rows].sum(0) for rows in near])
+    outside /= np.maximum(np.linalg.norm(outside, axis=1, keepdims=True), 1e-300)
+    return np.stack([points, points + TIP * spread * outside], axis=1)
 
 
 def _fit(ours: np.ndarray, scanned: np.ndarray):

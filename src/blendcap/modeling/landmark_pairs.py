@@ -11,8 +11,6 @@ from blendcap.data.names import listed
 from blendcap.modeling.landmark_checks import check_landmarks, far_off
 from blendcap.modeling.landmark_names import ENDS, LINES, contact_of, line_names, rig_landmarks
 from blendcap.modeling.landmarks import find_landmarks
-from blendcap.modeling.matching import ScanSurface
-from blendcap.numerics.surfaces import vertex_normals
 
 MISLED = 1 / 3  # of the landmarks that were found: if more lie off, nobody knows which
 FEWEST = 3  # landmarks that leave no turn open
@@ -67,10 +65,7 @@ def check_pairs(template: Rig, pairs: tuple[SurfacePoints, np.ndarray], scan: Me
     points, places = pairs
     if len(places) < FEWEST:
         raise InputError(f"Only {len(places)} landmarks are given; give at least three, or none.")
-    mesh = template.mesh
-    outside = points.matrix(mesh) @ vertex_normals(mesh.vertices, mesh.faces)
-    there = ScanSurface(scan.vertices, scan.faces).outwards(places)
-    check_landmarks(points.names, points.positions(mesh), places, outside, there)
+    check_landmarks(points.names, points.positions(template.mesh), places, template.mesh, scan)
 
 
 def partners(template: Rig, names: Sequence[str]) -> SurfacePoints:

@@ -59,13 +59,6 @@ class ScanSurface:
         reach : float
             The largest distance.
         """
-        there = self._outwards(faces)
-        return ((there * normals).sum(1) > cosine) & ~self._border[faces] & (distance < reach)
-
-    def outwards(self, places: np.ndarray) -> np.ndarray:
-        """Unit normals (n, 3) of the scan where it is closest to places (n, 3)."""
-        return self._outwards(self.closest(places)[2])
-
-    def _outwards(self, faces: np.ndarray) -> np.ndarray:
         there = self._normals[self._faces[faces]].mean(1)
-        return there / np.maximum(np.linalg.norm(there, axis=1, keepdims=True), 1e-300)
+        there /= np.maximum(np.linalg.norm(there, axis=1, keepdims=True), 1e-300)
+        return ((there * normals).sum(1) > cosine) & ~self._border[faces] & (distance < reach)

@@ -18,7 +18,7 @@ from blendcap.modeling.schedule import Schedule, schedule_of
 from blendcap.modeling.template import carry, find_skin
 from blendcap.numerics.leastsq import Backend
 from blendcap.numerics.similarity import align, apply
-from blendcap.numerics.surfaces import turned_over, vertex_normals
+from blendcap.numerics.surfaces import turned_over
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,8 +106,7 @@ def register(
         skin = skin.without(_rows(free, len(mesh.vertices)))
     names, sampling, positions = _landmarks(mesh, landmarks)
     if names:
-        outside = sampling @ vertex_normals(mesh.vertices, mesh.faces)
-        check_landmarks(names, sampling @ mesh.vertices, positions, outside, surface.outwards(positions))
+        check_landmarks(names, sampling @ mesh.vertices, positions, mesh, scan)
         similarity = align(sampling @ mesh.vertices, positions)
     else:
         similarity = align_by_shape(mesh.vertices[skin.rows], skin.faces, skin.visible, surface)
