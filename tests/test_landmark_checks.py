@@ -8,7 +8,7 @@ import pytest
 
 import blendcap
 from blendcap.data import InputError, SurfacePoints
-from blendcap.modeling.landmark_checks import check_landmarks
+from blendcap.modeling.landmark_checks import _mirrored_surface, check_landmarks
 from blendcap.modeling.landmark_names import rig_landmarks
 from blendcap.modeling.landmark_pairs import find_pairs
 from blendcap.numerics.similarity import apply
@@ -55,6 +55,14 @@ def test_sides_that_are_all_swapped_are_refused(names):
     for person in range(1, 4):
         with pytest.raises(InputError, match="left and right are swapped"):
             check(names, {**EYES, **MOUTH}, person, seed=person)
+
+
+@pytest.mark.parametrize(("rows", "swapped"), [([0, 1, 2], False), ([1, 0, 2], True), ([1, 0, 4, 3], True)])
+def test_the_surface_around_tells_what_few_landmarks_do_not(rows, swapped):
+    points = ALL.select([FIVE[row] for row in sorted(rows)])
+    for person in range(1, 4):
+        there = ALL.select([FIVE[row] for row in rows]).positions(mesh_of(person))
+        assert _mirrored_surface(points.positions(RIG.mesh), there, RIG.mesh, mesh_of(person)) == swapped
 
 
 @pytest.mark.parametrize(

@@ -15,9 +15,12 @@ from blendcap.numerics.surfaces import face_normals
 ODD = 0.4  # of the landmarks' spread: one that lies so far from where the others put it is likely another place
 MIRRORED = 0.5  # landmarks that fit the mirrored template with less than this of their misfit have their sides swapped
 MISFIT = 0.1  # of the spread: landmarks that fit this well are not looked at for exchanged ones
-APART = 0.15  # of the spread: two exchanged ones lie farther than this from their places
+APART = 0.2  # of the spread: two exchanged ones lie farther than this from their places
 AROUND = 0.3  # of the spread: how far around a landmark the surface tells outside from inside
 TIP = 0.5  # of the spread: how far outside of each landmark the point lies that tells outside from inside
+NEAR, MOST = 2.0, 0.8  # of the spread: how far around the landmarks, and which share of it, is to lie on the scan
+OFF = 0.2  # of the spread: farther from the scan than this is off it
+SAMPLES = 500  # vertices of the template
 WORST = 40  # landmarks at most that are tried for exchange
 
 _log = logging.getLogger(__name__)
@@ -53,12 +56,31 @@ def check_landmarks(names: Sequence[str], here: np.ndarray, there: np.ndarray, t
                 f"The landmarks fit the mirror image of the template{but}: left and right are swapped (left is the "
                 "subject's left), or the scan's triangles face inwards."
             )
+        if not plain[0] and _mirrored_surface(here, there, template, scan):
+            raise InputError("With these landmarks only the mirror image of the template meets the scan: left and "
+                             "right are swapped; left is the subject's left.")  # fmt: skip
         if plain[0] and plain[1] < ODD * spread:
             raise InputError(
                 f"The landmarks {_listed(names, plain[0])} lie where each other should: exchange them; "
                 "left is the subject's left."
             )
     _check_each(names, here, there, spread)
+
+
+def _mirrored_surface(here: np.ndarray, there: np.ndarray, template: Mesh, scan: Mesh) -> bool:
+    """Whether the surface around the landmarks lies off the scan, but its mirror image does not.
+
+    Three landmarks fit their own mirror image, and where two of them face sideways their outsides do nearly so.
+    """
+    spread, away = _spread(here), KDTree(here).query(template.vertices)[0]
+    around = template.vertices[away < NEAR * spread]
+    around = around[:: max(1, len(around) // SAMPLES)]
+    tree = KDTree(scan.vertices, balanced_tree=False, compact_nodes=False)
+    plain, mirror = (
+        float(np.quantile(tree.query(apply(around * side, *align(here * side, there)))[0], MOST))
+        for side in (np.ones(3), np.array([-1.0, 1.0, 1.0]))
+    )
+    return plain > OFF * _spread(there) and mirror < MIRRORED * plain
 
 
 def _listed(names: Sequence[str], pairs: list[tuple[int, int]]) -> str:
