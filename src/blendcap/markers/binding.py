@@ -93,7 +93,7 @@ def bind(
             progress("matching the markers' motion")
             points, shift, errors = motion_places(places, points, alignment, source, rest, deviation)
     offsets = alignment(rest) + shift - points.positions(rig.mesh)
-    _check_fit(offsets)
+    _check_fit(offsets, _extent(rest) / _extent(points.positions(rig.mesh)))
     if not USUAL_SIZE[0] < alignment.scale < USUAL_SIZE[1]:
         log.warning(
             "The take is %.3g times as large as the rig, as if its unit were wrong: check that. It is scaled to fit.",
@@ -106,8 +106,18 @@ def bind(
     )
 
 
-def _check_fit(offsets: np.ndarray) -> None:
+def _extent(positions: np.ndarray) -> float:
+    """How far points (M, 3) are from their middle, root mean square, mm: whatever their labels."""
+    return float(np.sqrt(((positions - positions.mean(0)) ** 2).sum(1).mean()))
+
+
+def _check_fit(offsets: np.ndarray, size: float) -> None:
     away = float(np.median(np.linalg.norm(offsets, axis=1)))
+    if away > FARTHEST and not USUAL_SIZE[0] < 1 / size < USUAL_SIZE[1]:
+        raise InputError(
+            f"The take is {size:.3g} times as large as the rig and does not fit it, so its unit is wrong or these "
+            "are no markers of a face; say the unit, or check the labels and the correspondences."
+        )
     if away > FARTHEST:
         raise InputError(
             f"Half of the markers lie more than {away:.0f} mm off their places on the rig, so they are not markers of "

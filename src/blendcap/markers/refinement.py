@@ -20,8 +20,8 @@ from blendcap.markers.helmet import rigid_columns
 from blendcap.markers.neighbors import project_on
 from blendcap.numerics.similarity import align
 from blendcap.solving.learned import solve_learned
-from blendcap.solving.noise import marker_noise
-from blendcap.solving.paper import solve_paper
+from blendcap.solving.noise import MODEL_ERROR, marker_noise
+from blendcap.solving.paper import BETA, GAMMA, solve_paper
 from blendcap.solving.rows import MarkerRows, marker_rows
 
 log = logging.getLogger(__name__)
@@ -31,14 +31,12 @@ FOUND = 5.0  # mm: likewise of a place that was found without correspondences
 SLIDE = 3.0  # how much farther than off the skin a neutral marker of another face lies along it
 POSES = 10  # independent poses that a range of motion is worth
 MOTION_PASSES = 2
-MODEL_ERROR = 0.06  # mm
 RESTING = 0.25  # mm: a marker that the face moves by less is at rest
 LASTING = 0.04  # mm: standard deviation of what of that motion does not average out
 RESTS = 0.3  # part of the range of motion: a marker that rests less often tells nothing of its rest
 MEDIAN = np.pi / 2  # variance of a median of noise over that of its mean
 SETTLED = 0.1  # mm: the papers' threshold on the change of the mean marker error
 MOST_PASSES = 10
-BETA, GAMMA = 0.3, 0.001  # mm², of Eq. 3 in Algorithm 4
 
 
 @dataclass(frozen=True, eq=False)

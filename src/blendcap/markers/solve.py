@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from blendcap.data import Animation, Binding, InputError, MarkerTake, Rig, Solution
+from blendcap.data.names import listed
 from blendcap.markers.cleaning import drop_spikes, fill_gaps
 from blendcap.markers.helmet import paper_columns, paper_motion, pivot, remove_motion, rigid_columns, rigid_motion
 from blendcap.markers.stabilization import stabilize, stabilize_live
@@ -248,11 +249,11 @@ def _noise(positions: np.ndarray, settings: SolveSettings) -> float:
 def _warn(unseen: dict[str, float], held: tuple[str, ...], method: str) -> None:
     if not unseen:
         return
-    others = ", ".join(name for name in unseen if name not in held)
-    parts = [f"Held at rest: {', '.join(held)}."] if held else []
+    others = [name for name in unseen if name not in held]
+    parts = [f"Held at rest: {listed(held)}."] if held else []
     if others:
         how = "A guess" if method == "paper" else "Told only by, or together with, their partner on the other side"
-        parts.append(f"{how}: {others}.")
+        parts.append(f"{how}: {listed(others)}.")
     log.warning("These markers cannot tell the weights of %d shapes. %s", len(unseen), " ".join(parts))
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+MODEL_ERROR = 0.06  # mm: what the best of rigs errs at a marker
 # White noise of variance s² has fourth differences of variance (1 + 16 + 36 + 16 + 1) s².
 _FOURTH = np.sqrt(70.0)
 _MAD = 1.4826  # median absolute deviation to standard deviation, for a Gaussian

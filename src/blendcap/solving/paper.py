@@ -10,6 +10,9 @@ from blendcap.numerics.boxseq import solve_box_sequence
 from blendcap.solving.curves import Curves
 from blendcap.solving.rows import MarkerRows
 
+BETA, GAMMA = 0.3, 0.001  # mm²: the price of the sum of weights, and a ridge that makes the optimum unique
+INFLUENCE = 4.0  # mm²: the papers' largest gamma of a curve
+
 
 def solve_paper(
     rows: MarkerRows,
@@ -17,7 +20,7 @@ def solve_paper(
     gamma: float,
     coupling: float = 0.0,
     curves: Curves | None = None,
-    influence: float = 4.0,
+    influence: float = INFLUENCE,
 ) -> tuple[np.ndarray, dict[str, np.ndarray], Certificate]:
     """Minimise `|B0 + B a - T|² + beta |a|_1 + a' Gamma a` over `0 <= a <= 1` in every frame (Eq. 3).
 

@@ -9,6 +9,8 @@ from numbers import Real
 from blendcap.data import InputError
 from blendcap.data.checks import names
 from blendcap.solving.curves import CURVE_ERROR
+from blendcap.solving.noise import MODEL_ERROR
+from blendcap.solving.paper import BETA, GAMMA, INFLUENCE
 from blendcap.solving.prior import SYMMETRY
 
 METHODS = ("learned", "paper", "live")
@@ -79,17 +81,17 @@ class SolveSettings:
 
     method: str = "learned"
     smoothness: float = 1.0
-    beta: float = 0.3
-    gamma: float = 0.001
+    beta: float = BETA
+    gamma: float = GAMMA
     coupling: float = 0.0
     helmet: str = "rigid"
     head: str = "auto"
     stable: tuple[str, ...] = ()
     longest_gap: float = 0.1
     noise: float | None = None
-    model_error: float = 0.06
+    model_error: float = MODEL_ERROR
     symmetry: float = SYMMETRY
-    influence: float = 4.0
+    influence: float = INFLUENCE
     curve_error: float = CURVE_ERROR
     passes: int = 3
 
