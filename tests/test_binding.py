@@ -296,7 +296,7 @@ class TestRefusals:
     def test_another_body_and_another_unit(self, rig, given, rom):
         """Exchanged labels do not fit; where they are ten times as far apart too, the unit is named first."""
         mixed = replace(rom[0], positions=rom[0].positions[:, np.random.default_rng(3).permutation(len(given.names))])
-        with pytest.raises(InputError, match="lie more than .* mm off their places"):
+        with pytest.raises(InputError, match=r"lie more than .* mm off their places"):
             bind(rig, mixed, given, method="given")
-        with pytest.raises(InputError, match="times as large as the rig .* say the unit"):
+        with pytest.raises(InputError, match=r"times as large as the rig .* say the unit"):
             bind(rig, replace(mixed, positions=40 * mixed.positions), given, method="given")
