@@ -13,6 +13,7 @@ from blendcap.data import InputError, MarkerTake
 # What Vicon ("*12"), OptiTrack ("Unlabeled 1234") and Qualisys ("uname*3") call trajectories that nobody labeled.
 _UNLABELED = re.compile(r"\*\d*|unlabell?ed\b.*|uname\*?\d*", re.IGNORECASE)
 NEUTRAL_FRAMES = 10
+_SPIKE = 50.0  # m/s²: no face moves like that
 _COMPLETE = 0.9  # of the markers that the take ever sees, for a frame to count for the neutral
 
 
@@ -47,23 +48,18 @@ def drop_unlabeled(take: MarkerTake) -> MarkerTake:
     return take if len(labeled) == len(take.names) else take.select(labeled)
 
 
-def drop_spikes(take: MarkerTake, limit: float = 50.0) -> MarkerTake:
+def drop_spikes(take: MarkerTake) -> MarkerTake:
     """The take with points that jump out and back within one frame marked missing.
 
     A point is a spike if its neighbors in time were seen, it lies farther from their middle than they lie apart, and
-    to come back from it takes an acceleration above `limit`: |x_t - (x_(t-1) + x_(t+1)) / 2| > limit / (2 rate²). The
+    to come back from it takes an acceleration above _SPIKE: |x_t - (x_(t-1) + x_(t+1)) / 2| > _SPIKE / (2 rate²). The
     fastest facial motions, blinks and plosive lips, stay below about 20 m/s². At low rates the bound is wide (7 mm at
     60 frames a second, 28 mm at 30) and catches swapped labels rather than jitter.
-
-    Parameters
-    ----------
-    limit : float
-        m/s².
     """
     before, here, after = take.positions[:-2], take.positions[1:-1], take.positions[2:]
     deviation = np.nan_to_num(np.linalg.norm(here - 0.5 * (before + after), axis=-1))
     comes_back = np.linalg.norm(after - before, axis=-1) <= deviation
-    beyond = deviation > 1000.0 * limit / (2.0 * take.rate**2)
+    beyond = deviation > 1000.0 * _SPIKE / (2.0 * take.rate**2)
     spikes = np.pad(beyond & comes_back, ((1, 1), (0, 0)))
     return replace(take, positions=np.where(spikes[..., None], np.nan, take.positions)) if spikes.any() else take
 

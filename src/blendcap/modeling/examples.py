@@ -64,13 +64,6 @@ class Refinement:
 def refine_rig(
     rig: Rig, example_meshes: Sequence[Mesh], weights: np.ndarray | None = None, *, method: Method = "fields"
 ) -> Rig:
-    """The rig with shapes that fit the examples better; see `refine`."""
-    return refine(rig, example_meshes, weights, method=method).rig
-
-
-def refine(
-    rig: Rig, example_meshes: Sequence[Mesh], weights: np.ndarray | None = None, *, method: Method = "fields"
-) -> Refinement:
     """Refine a transferred rig with a few expressions of the same person.
 
     Parameters
@@ -83,7 +76,7 @@ def refine(
         What the performer was asked for, as weights of the rig. Without them they are solved for first, and how strong
         each shape is cannot be told from how strongly it was used: give them if you can.
     method : "fields" or "paper"
-        "fields" learns smooth personal fields (see `fields`), then details around them; "paper" is example-based
+        "fields" learns smooth personal fields (`blendcap.modeling.fields`), then details around them; "paper" is example-based
         facial rigging (Eq. 27 to 29).
 
     Raises
@@ -91,6 +84,13 @@ def refine(
     InputError
         If there is no example, one has other vertices or triangles, or a weight is not a number.
     """
+    return refine(rig, example_meshes, weights, method=method).rig
+
+
+def refine(
+    rig: Rig, example_meshes: Sequence[Mesh], weights: np.ndarray | None = None, *, method: Method = "fields"
+) -> Refinement:
+    """The same as `refine_rig`, with the certificate beside the rig."""
     if method not in ("fields", "paper"):
         raise InputError(f"There is no method {method!r} to refine a rig; choose fields or paper.")
     moved = _moved(rig, example_meshes)

@@ -41,11 +41,6 @@ class Transfer:
 
 
 def transfer_rig(template: Rig, mesh: Mesh, *, method: Method = "contact") -> Rig:
-    """The template's shapes on another neutral face; see `transfer`."""
-    return transfer(template, mesh, method=method).rig
-
-
-def transfer(template: Rig, mesh: Mesh, *, method: Method = "contact") -> Transfer:
     """Carry every shape of a template over to another neutral face of the same topology.
 
     Parameters
@@ -62,14 +57,19 @@ def transfer(template: Rig, mesh: Mesh, *, method: Method = "contact") -> Transf
 
     Returns
     -------
-    Transfer
-        The rig has the template's names, bounds, mirror, combinations, points, regions and contacts.
+    Rig
+        With the template's names, bounds, mirror, combinations, points, regions and contacts.
 
     Raises
     ------
     InputError
         If the face has other vertices or triangles than the template, or the template has no shape that moves.
     """
+    return transfer(template, mesh, method=method).rig
+
+
+def transfer(template: Rig, mesh: Mesh, *, method: Method = "contact") -> Transfer:
+    """The same as `transfer_rig`, with the certificate beside the rig."""
     if method not in ("contact", "paper"):
         raise InputError(f"There is no transfer method {method!r}; choose contact or paper.")
     _check(template, mesh)

@@ -92,6 +92,7 @@ def _backward(likelihood, whole, lengths, modes, moves):
 
 @njit(error_model="numpy", cache=True)
 def _chances(likelihood, whole, lengths, modes, moves, squares, alpha, scale, beta, after):
+    """Of both sweeps: what `posterior_steps` returns."""
     frames = len(likelihood)
     chance, square = np.zeros(frames), np.zeros(frames)
     evidence = np.log((alpha[0] * beta[0]).sum()) + scale[0] + after[0]

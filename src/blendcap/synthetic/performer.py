@@ -92,8 +92,8 @@ def make_performer(
 
     Every delta is multiplied by a gain of the shape and by a smooth gain field over the face (together about 16 %
     standard deviation at strength 1). Left and right shapes of a person have similar gains; a shape that closes the
-    eyes closes them on every face, and mouthClose the lips over an open jaw. Twelve pairs of shapes that move the same
-    skin get a corrective that the rig lacks, 10 to 25 % of the smaller driver.
+    eyes closes them on every face, and mouthClose the lips over an open jaw. Up to twelve pairs of shapes that move the
+    same skin get a corrective that the rig lacks, 10 to 25 % of the smaller driver.
 
     Parameters
     ----------
