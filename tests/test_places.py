@@ -9,8 +9,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from blendcap.data import InputError, MarkerTake, Mesh, Rig
+from blendcap.markers.front import front_of
 from blendcap.markers.places import confidence, find_places, lay_on
-from blendcap.markers.skin import front_of
 from blendcap.synthetic.mannequin import mannequin
 
 EXAMPLE = Path(__file__).resolve().parent.parent / "examples" / "animface" / "correspondences.json"
@@ -70,8 +70,8 @@ def test_half_a_face_is_found(rig, other_face, true, part):
 
 
 def test_the_answer_does_not_depend_on_where_the_take_stands(rig, other_face):
-    skin = front_of(rig)
-    answers = [lay_on(skin, upside_down(other_face))[0].positions, lay_on(skin, other_face + 1000)[0].positions]
+    front = front_of(rig)
+    answers = [lay_on(front, upside_down(other_face))[0].positions, lay_on(front, other_face + 1000)[0].positions]
     # Not exactly: the skin is searched by the centers of its triangles, which lie 2 to 4 mm apart.
     assert np.linalg.norm(answers[0] - answers[1], axis=1).max() < 2
 
@@ -156,12 +156,12 @@ def test_a_rig_that_faces_away_is_refused():
 
 
 def test_the_front_leaves_out_the_back_of_the_head_and_the_inside_of_the_mouth(rig):
-    skin = front_of(rig)
-    corners = rig.mesh.faces[skin.faces]
+    front = front_of(rig)
+    corners = rig.mesh.faces[front.faces]
     behind = rig.mesh.vertices[:, 2].min()
     middle = 0.5 * (behind + rig.mesh.vertices[:, 2].max())
-    assert (skin.points[:, 2] > middle).mean() > 0.75
-    assert skin.normals[:, 2].min() > -0.5  # also from below, where a camera sees the nape
+    assert (front.points[:, 2] > middle).mean() > 0.75
+    assert front.normals[:, 2].min() > -0.5  # also from below, where a camera sees the nape
     hidden = np.intersect1d(rig.regions["teeth"], corners)
     assert len(hidden) < 0.05 * len(rig.regions["teeth"])
-    np.testing.assert_allclose(np.linalg.norm(skin.normals, axis=1), 1)
+    np.testing.assert_allclose(np.linalg.norm(front.normals, axis=1), 1)

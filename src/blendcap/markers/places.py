@@ -15,8 +15,8 @@ import numpy as np
 
 from blendcap.data import InputError, MarkerTake, Rig, SurfacePoints
 from blendcap.markers.cleaning import drop_unlabeled, neutral_frame
+from blendcap.markers.front import Front, front_of
 from blendcap.markers.neighbors import project_on
-from blendcap.markers.skin import Skin, front_of
 from blendcap.numerics.similarity import apply
 
 log = logging.getLogger(__name__)
@@ -75,8 +75,8 @@ def find_places(rig: Rig, take: MarkerTake, *, frame: int = 0) -> SurfacePoints:
     """
     take = drop_unlabeled(take)
     neutral = neutral_frame(take, frame)
-    skin = front_of(rig)
-    found = lay_on(skin, neutral)
+    front = front_of(rig)
+    found = lay_on(front, neutral)
     if len(found) > 1 and (sureness := confidence(found)) < 0.1:
         log.warning(
             "The markers fit the face in two ways almost equally well (confidence %.2f): check their places in the "
@@ -84,7 +84,7 @@ def find_places(rig: Rig, take: MarkerTake, *, frame: int = 0) -> SurfacePoints:
         )  # fmt: skip
     positions = found[0].positions
     seen = np.flatnonzero(np.isfinite(positions[:, 0]))
-    faces, barycentric = _closest(rig, skin, positions[seen])
+    faces, barycentric = _closest(rig, front, positions[seen])
     return SurfacePoints(tuple(take.names[i] for i in seen), faces, barycentric)
 
 
@@ -93,7 +93,7 @@ def confidence(placements: list[Placement]) -> float:
     return 1.0 - placements[0].cost / placements[1].cost if len(placements) > 1 else 1.0
 
 
-def lay_on(skin: Skin, neutral: np.ndarray) -> list[Placement]:
+def lay_on(front: Front, neutral: np.ndarray) -> list[Placement]:
     """Ways to lay a neutral marker cloud (M, 3), mm, on the face: the best first, then others that differ from it.
 
     Raises
@@ -115,18 +115,18 @@ def lay_on(skin: Skin, neutral: np.ndarray) -> list[Placement]:
     offsets = np.array([[0, y, 0] for y in _HEIGHTS])
     state = (
         np.tile(rotations, (len(offsets), 1, 1)),
-        np.repeat(skin.middle + offsets, len(rotations), axis=0),
+        np.repeat(front.middle + offsets, len(rotations), axis=0),
         np.zeros(len(rotations) * len(offsets)),
     )
     outward = _outward(cloud)
     width = 30.0
-    for layer, rounds, survivors in ((skin.thinned(4), 12, len(state[0])), (skin, 30, 16)):
+    for layer, rounds, survivors in ((front.thinned(4), 12, len(state[0])), (front, 30, 16)):
         best = np.argsort(_cost(layer, cloud, outward, state), kind="stable")[:survivors]
         state = tuple(part[best] for part in state)
         for _ in range(rounds):
             state = _step(layer, cloud, state, width)
             width = max(0.85 * width, 3.0)
-    cost = _cost(skin, cloud, outward, state)
+    cost = _cost(front, cloud, outward, state)
     answers: list[Placement] = []
     for i in np.argsort(cost, kind="stable"):
         rotation, scale = state[0][i], float(np.exp(state[2][i]))
@@ -137,7 +137,7 @@ def lay_on(skin: Skin, neutral: np.ndarray) -> list[Placement]:
     return answers
 
 
-def _step(skin: Skin, cloud, state, width: float):
+def _step(front: Front, cloud, state, width: float):
     """One Gauss-Newton step of every start: rotation, translation and log scale.
 
     Distances count fully along the skin's normal and a little along the skin, less the farther a marker is off
@@ -146,8 +146,8 @@ def _step(skin: Skin, cloud, state, width: float):
     from scipy.spatial.transform import Rotation
 
     rotation, translation, size = state
-    arms, moved, nearest, distance = _meet(skin, cloud, state)
-    normals = skin.normals[nearest]
+    arms, moved, nearest, distance = _meet(front, cloud, state)
+    normals = front.normals[nearest]
     trust = (1 + (distance / width) ** 2) ** -2
     metric = normals[..., :, None] * normals[..., None, :] + _SLIDE * np.eye(3)
     turns = np.cross(np.eye(3), arms[..., None, :])  # (S, M, 3 axes, 3)
@@ -155,9 +155,9 @@ def _step(skin: Skin, cloud, state, width: float):
     jacobian = np.concatenate([turns, shifts, arms[..., None, :]], axis=-2)
     weighted = _by_start((trust[..., None, None] * jacobian) @ metric)
     matrix = weighted @ np.swapaxes(_by_start(jacobian), 1, 2)
-    gradient = (weighted @ (moved - skin.points[nearest]).reshape(len(size), -1, 1))[..., 0]
+    gradient = (weighted @ (moved - front.points[nearest]).reshape(len(size), -1, 1))[..., 0]
     hold = _SIGMA**2 * np.array([0, 0, 0, *[_SHIFT**-2] * 3, _SIZES**-2]) + 1e-6
-    away = np.column_stack([np.zeros((len(size), 3)), translation - skin.middle, size])
+    away = np.column_stack([np.zeros((len(size), 3)), translation - front.middle, size])
     step = -np.linalg.solve(matrix + np.diag(hold), (gradient + hold * away)[..., None])[..., 0]
     step[:, :3] *= np.minimum(1, 0.3 / np.maximum(np.linalg.norm(step[:, :3], axis=1, keepdims=True), 1e-12))
     turned = Rotation.from_rotvec(step[:, :3]).as_matrix() @ rotation
@@ -169,25 +169,25 @@ def _by_start(jacobian: np.ndarray) -> np.ndarray:
     return np.swapaxes(jacobian, 1, 2).reshape(len(jacobian), jacobian.shape[2], -1)
 
 
-def _meet(skin: Skin, cloud, state):
+def _meet(front: Front, cloud, state):
     """The turned and scaled cloud about its middle, its place, the nearest point of the skin and its distance."""
     rotation, translation, size = state
     arms = np.exp(size)[:, None, None] * cloud @ np.swapaxes(rotation, 1, 2)
     moved = arms + translation[:, None]
-    distance, nearest = skin.tree.query(moved.reshape(-1, 3))
+    distance, nearest = front.tree.query(moved.reshape(-1, 3))
     return arms, moved, nearest.reshape(moved.shape[:2]), distance.reshape(moved.shape[:2])
 
 
-def _cost(skin: Skin, cloud, outward, state) -> np.ndarray:
+def _cost(front: Front, cloud, outward, state) -> np.ndarray:
     """(S,): the trimmed distances, the disagreement of the normals and the priors of each start."""
     rotation, translation, size = state
-    _, moved, nearest, distance = _meet(skin, cloud, state)
-    normals = skin.normals[nearest]
-    across = np.abs(((moved - skin.points[nearest]) * normals).sum(-1))
+    _, moved, nearest, distance = _meet(front, cloud, state)
+    normals = front.normals[nearest]
+    across = np.abs(((moved - front.points[nearest]) * normals).sum(-1))
     off = np.minimum((1 - _SLIDE) * across + _SLIDE * distance, 15.0) ** 2
     agreement = ((outward @ np.swapaxes(rotation, 1, 2)) * normals).sum(-1)
     fit = (off / (off + (1.5 * _SIGMA) ** 2)).sum(1) + 0.25 * (1 - agreement).sum(1)
-    return fit + 0.5 * ((size / _SIZES) ** 2 + (((translation - skin.middle) / _SHIFT) ** 2).sum(1))
+    return fit + 0.5 * ((size / _SIZES) ** 2 + (((translation - front.middle) / _SHIFT) ** 2).sum(1))
 
 
 def _outward(cloud: np.ndarray) -> np.ndarray:
@@ -201,10 +201,10 @@ def _outward(cloud: np.ndarray) -> np.ndarray:
     return normals * np.where(((cloud - sphere[:3]) * normals).sum(1, keepdims=True) < 0, -1.0, 1.0)
 
 
-def _closest(rig: Rig, skin: Skin, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _closest(rig: Rig, front: Front, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The closest point of the skin, as faces (M,) and barycentric weights (M, 3)."""
-    _, near = skin.tree.query(positions, k=min(40, len(skin.points)))
-    faces = skin.faces[near]
+    _, near = front.tree.query(positions, k=min(40, len(front.points)))
+    faces = front.faces[near]
     triangles = rig.mesh.vertices[rig.mesh.faces[faces]]
     weights = project_on(triangles, positions[:, None])
     reached = np.einsum("mqc,mqck->mqk", weights, triangles)

@@ -76,8 +76,8 @@ def refine_rig(
         What the performer was asked for, as weights of the rig. Without them they are solved for first, and how strong
         each shape is cannot be told from how strongly it was used: give them if you can.
     method : "fields" or "paper"
-        "fields" learns smooth personal fields (`blendcap.modeling.fields`), then details around them; "paper" is example-based
-        facial rigging (Eq. 27 to 29).
+        "fields" learns smooth personal fields (`blendcap.modeling.fields`), then details around them; "paper" is
+        example-based facial rigging (Eq. 27 to 29).
 
     Raises
     ------

@@ -17,7 +17,7 @@ _MOVES = 0.5  # mm: what a shape must move to say where the face is
 
 
 @dataclass(frozen=True, eq=False)
-class Skin:
+class Front:
     """Triangles of a rig that can be seen from the front.
 
     Parameters
@@ -41,12 +41,12 @@ class Skin:
 
         return KDTree(self.points)
 
-    def thinned(self, step: int) -> Skin:
+    def thinned(self, step: int) -> Front:
         """Every `step`-th triangle, for a quick look."""
-        return Skin(self.faces[::step], self.points[::step], self.normals[::step], self.middle)
+        return Front(self.faces[::step], self.points[::step], self.normals[::step], self.middle)
 
 
-def front_of(rig: Rig) -> Skin:
+def front_of(rig: Rig) -> Front:
     """The front of the rig's neutral face.
 
     Raises
@@ -68,7 +68,7 @@ def front_of(rig: Rig) -> Skin:
     normals /= np.maximum(area, 1e-12)[:, None]
     front = (area > 1e-9) & (normals[:, 2] > _TURNED)
     faces, points = faces[front], corners.mean(1)[front]
-    return Skin(faces, points, normals[front], _middle(rig, faces, points))
+    return Front(faces, points, normals[front], _middle(rig, faces, points))
 
 
 def _middle(rig: Rig, faces: np.ndarray, points: np.ndarray) -> np.ndarray:
