@@ -13,6 +13,7 @@ from blendcap.modeling.contacts import drivers_of
 from blendcap.modeling.differences import Differences, Faces, hang
 from blendcap.modeling.globes import Globe, clearing_push, find_globes, shared_push
 from blendcap.modeling.parts import carried, solid_motions
+from blendcap.numerics.easing import smoothstep
 
 FADE = 0.02  # of a shape's largest motion, below which a change fades to nothing
 ATTACHED = 3.0  # mm from the skin, at the template's size: a piece that near hangs on it
@@ -38,8 +39,7 @@ def keep(
     """
     motion = np.linalg.norm(faces.deltas, axis=2)
     full = FADE * motion.max(1, keepdims=True)
-    part = np.clip(motion / np.where(full > 0, full, 1.0), 0, 1)
-    fade = (part**2 * (3 - 2 * part))[..., None]
+    fade = smoothstep(0, 1, motion / np.where(full > 0, full, 1.0))[..., None]
     deltas = faces.deltas + fade * solved.field
     pairs = sewn[np.concatenate([np.zeros((0, 2), np.int64), *contacts.values()])]
     pairs = np.unique(np.sort(pairs[pairs[:, 0] != pairs[:, 1]], axis=1), axis=0)

@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import expm
 
+from blendcap.numerics.easing import smoothstep
 from blendcap.numerics.semimarkov import posterior_steps
 from blendcap.solving.curves import Curves
 from blendcap.solving.rows import MarkerRows
@@ -158,4 +159,4 @@ def _blink(closing: float, opening: float, rate: float) -> np.ndarray:
     """(K,) how far shut a lid is, frame by frame, from the first that sees it move to the first that sees it back."""
     close, open_ = (max(round(seconds * rate), 1) for seconds in (closing, opening))
     way = np.r_[np.arange(1, close + 1) / close, 1 - np.arange(1, open_ + 1) / open_]
-    return way * way * (3 - 2 * way)
+    return smoothstep(0, 1, way)

@@ -11,6 +11,7 @@ from scipy.ndimage import gaussian_filter1d
 from blendcap.data import Animation, InputError, Rig
 from blendcap.data.correctives import driven, needs
 from blendcap.data.names import ARKIT52, canonical, match
+from blendcap.numerics.easing import least_jerk
 
 # What a mouth does for a class of sounds, at full stress (ARKit names).
 VISEMES: tuple[tuple[str, Mapping[str, float]], ...] = (
@@ -140,15 +141,9 @@ def play(cues, names: Sequence[str], rate: float, seconds: float) -> Animation:
         attack, release = ramps or (RAMP, RAMP)
         first, last = max(0, int(start * rate)), min(count, int(np.ceil(end * rate)) + 1)
         time = np.arange(first, last) / rate
-        curve = level * _ease((time - start) / attack) * _ease((end - time) / release)
+        curve = level * least_jerk((time - start) / attack) * least_jerk((end - time) / release)
         room[first:last, place[name]] *= 1 - curve
     return Animation(1 - room, tuple(names), rate)
-
-
-def _ease(x: np.ndarray) -> np.ndarray:
-    """From 0 to 1 with the least jerk (Flash and Hogan 1985, doi:10.1523/JNEUROSCI.05-07-01688.1985)."""
-    x = np.clip(x, 0, 1)
-    return np.minimum(x**3 * (10 - 15 * x + 6 * x**2), 1)
 
 
 def shut(played: Animation, closures: Sequence[tuple[float, float]]) -> Animation:
@@ -161,7 +156,7 @@ def shut(played: Animation, closures: Sequence[tuple[float, float]]) -> Animatio
     closed = np.zeros(len(times))
     for start, length in closures:
         ramp = 0.36 * length
-        closed = np.maximum(closed, _ease((times - start) / ramp) * _ease((start + length - times) / ramp))
+        closed = np.maximum(closed, least_jerk((times - start) / ramp) * least_jerk((start + length - times) / ramp))
     weights, names = played.weights.copy(), [canonical(name) for name in played.names]
     weights[:, [name.startswith(PARTING) for name in names]] *= 1 - closed[:, None]
     if "jawOpen" in names:

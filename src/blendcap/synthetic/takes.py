@@ -10,6 +10,7 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.sparse.csgraph import dijkstra
 
 from blendcap.data import Animation, InputError, MarkerTake, Rig, SurfacePoints
+from blendcap.numerics.easing import least_jerk
 from blendcap.numerics.geodesic import face_neighbors, surface_graph, walk, weld
 from blendcap.numerics.surfaces import parts
 from blendcap.rendering import vertex_normals
@@ -168,8 +169,7 @@ def _with_neutral(animation: Animation, frames: int) -> Animation:
     if frames <= 0:
         return animation
     ease = max(1, round(EASE * animation.rate))
-    x = np.arange(1, ease + 1) / (ease + 1)
-    ramp = (x**3 * (10 - 15 * x + 6 * x**2))[:, None]
+    ramp = least_jerk(np.arange(1, ease + 1) / (ease + 1))[:, None]
     weights = [np.zeros((frames, len(animation.names))), ramp * animation.weights[0], animation.weights]
     head = animation.head
     if head is not None:

@@ -8,10 +8,10 @@ import numpy as np
 
 from blendcap.data import Rig
 from blendcap.data.names import match
+from blendcap.numerics.easing import smoothstep
 from blendcap.rendering import normal_map_of
 from blendcap.synthetic.canvas import Canvas, canvas_of
 from blendcap.synthetic.face_paint import SKIN, is_mannequin, kinds_of, laid_out
-from blendcap.synthetic.mannequin.fields import smoothstep
 from blendcap.synthetic.mannequin.furrows import FURROWS, SIDED
 from blendcap.synthetic.mannequin.texture import skin_table
 from blendcap.synthetic.plain import plain_places

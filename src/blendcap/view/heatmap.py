@@ -9,6 +9,7 @@ import numpy as np
 
 from blendcap.data import Animation, InputError, Rig, SurfacePoints
 from blendcap.io.images import write_image
+from blendcap.numerics.easing import smoothstep
 from blendcap.numerics.geodesic import sewn_vertices, surface_distances
 from blendcap.rendering import Light, default_colors, prepare
 from blendcap.view.image import draw_text
@@ -97,8 +98,7 @@ def marker_heat(rig: Rig, points: SurfacePoints, errors: np.ndarray) -> tuple[np
     weights = np.exp(0.5 * (nearest[near] ** 2 - distances[:, near] ** 2) / (REACH / 2.2) ** 2)  # the nearest counts 1
     spread = np.full(count, np.nan)
     spread[near] = errors[known] @ weights / weights.sum(0)
-    fade = np.clip((1.5 * REACH - np.where(near, nearest, np.inf)) / (0.7 * REACH), 0, 1)
-    return spread, fade**2 * (3 - 2 * fade)
+    return spread, smoothstep(0, 1, (1.5 * REACH - np.where(near, nearest, np.inf)) / (0.7 * REACH))
 
 
 def vertex_error(answer: Animation, truth: Animation, rig: Rig) -> np.ndarray:

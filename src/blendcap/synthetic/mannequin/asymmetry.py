@@ -11,7 +11,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from blendcap.synthetic.mannequin.fields import gauss, smoothstep
+from blendcap.numerics.easing import smoothstep
+from blendcap.synthetic.mannequin.fields import gauss
 from blendcap.synthetic.mannequin.measures import Measure
 
 EYE_RIGID, EYE_FREE = 19.0, 33.0  # mm from the middle of the eyeball: within, and from where on the field is free

@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from blendcap.numerics.easing import smoothstep
 from blendcap.synthetic.mannequin.cage import EAR_RINGS, Cage
-from blendcap.synthetic.mannequin.fields import smoothstep
 from blendcap.synthetic.mannequin.subdivision import Surface, refined
 
 CANAL = np.array([-8.0, -8.0])  # y and z of the middle of the concha, mm

@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from blendcap.synthetic.mannequin.fields import smoothstep
+from blendcap.numerics.easing import smoothstep
 from blendcap.synthetic.mannequin.noise import noise
 
 

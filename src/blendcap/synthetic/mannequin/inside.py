@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from blendcap.synthetic.mannequin.fields import smoothstep
+from blendcap.numerics.easing import smoothstep
 from blendcap.synthetic.mannequin.look import Color
 
 IRIS_ANGLE, PUPIL_ANGLE = 0.50, 0.19  # rad

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from blendcap.numerics.easing import smoothstep
 from blendcap.synthetic.mannequin.face import Face, push
-from blendcap.synthetic.mannequin.fields import smoothstep
 from blendcap.synthetic.mannequin.muscles import contract, lip_weights
 
 

@@ -10,7 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from blendcap.synthetic.mannequin.fields import gauss, smoothstep
+from blendcap.numerics.easing import smoothstep
+from blendcap.synthetic.mannequin.fields import gauss
 
 
 class Measure(NamedTuple):

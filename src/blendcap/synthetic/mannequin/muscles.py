@@ -13,8 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from blendcap.numerics.easing import smoothstep
 from blendcap.synthetic.mannequin.face import Face, push
-from blendcap.synthetic.mannequin.fields import gauss, smoothstep
+from blendcap.synthetic.mannequin.fields import gauss
 
 
 class Muscle(NamedTuple):

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from blendcap.numerics.easing import smoothstep
 from blendcap.synthetic.mannequin import jaw
-from blendcap.synthetic.mannequin.fields import smoothstep
 from blendcap.synthetic.mannequin.identity import GLOBE_RADIUS, Person
 from blendcap.synthetic.mannequin.visemes import VISEMES
 

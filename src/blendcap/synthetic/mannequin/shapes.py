@@ -7,10 +7,10 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from blendcap.data.facs import SHAPES
+from blendcap.numerics.easing import smoothstep
 from blendcap.synthetic.mannequin import jaw, lids, lips, upper_face
 from blendcap.synthetic.mannequin.contact import along_bone, over_globe, over_teeth, pushed_on
 from blendcap.synthetic.mannequin.face import Face
-from blendcap.synthetic.mannequin.fields import smoothstep
 from blendcap.synthetic.mannequin.identity import behind_lids
 from blendcap.synthetic.mannequin.visemes import VISEMES
 

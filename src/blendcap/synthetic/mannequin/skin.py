@@ -11,8 +11,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from blendcap.numerics.easing import smoothstep
 from blendcap.synthetic.mannequin.cage import EAR_RINGS, Cage
-from blendcap.synthetic.mannequin.fields import smoothstep
 from blendcap.synthetic.mannequin.look import Color, Look
 from blendcap.synthetic.mannequin.noise import noise, spots
 
