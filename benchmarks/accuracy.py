@@ -1,6 +1,6 @@
 """How well the marker solve recovers a known performance: the default against the papers' Eq. 3.
 
-    python benchmarks/accuracy.py [report|whole|tuning] [--strength S]
+    python benchmarks/accuracy.py [report|fresh|whole|tuning] [--strength S]
 
 Each case is a performer who is not the rig, filmed with noise, misplaced markers, helmet slip and gaps
 (`accuracy_data.py`). Eq. 3 gets the β, the ridge and the kind of helmet shapes that an oracle, who knows the truth,
@@ -92,7 +92,7 @@ def table(measured: dict[str, dict[str, tuple[Metrics, float]]]) -> str:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("kind", nargs="?", default="report", choices=("report", "whole", "tuning"))
+    parser.add_argument("kind", nargs="?", default="report", choices=("report", "fresh", "whole", "tuning"))
     parser.add_argument("--strength", type=float, default=1.0, help="of the mismatch between performer and rig")
     arguments = parser.parse_args()
     logging.getLogger("blendcap").setLevel(logging.ERROR)  # the same shapes are unseen in every case
