@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from blendcap.makeup.blinks import FEWEST, SHUT, blink_heights, with_full_blinks
+from blendcap.makeup.blinks import SHUT, STRONG, blink_heights, with_full_blinks
 
 UNITS = ("AU45L", "AU4", "AU45R")
 REST = np.zeros((60, 3))
@@ -28,7 +28,8 @@ def gain_of(told: np.ndarray) -> float:
 def test_the_strongest_blinks_shut_both_eyes_and_nothing_else_grows():
     told = take([0.5, 0.6, 0.55, 0.6], sides=(1.0, 1.0, 0.9))
     scaled = with_full_blinks(told, UNITS)
-    assert blink_heights(scaled[:, [0, 2]]).max() == pytest.approx(SHUT)
+    heights = blink_heights(scaled[:, [0, 2]])
+    assert np.quantile(heights, STRONG, method="inverted_cdf") == pytest.approx(SHUT) and heights.max() < 0.95
     np.testing.assert_array_equal(scaled[:, 1], told[:, 1])
     # One gain: the side that closes less still does.
     np.testing.assert_allclose(scaled[:, 2], gain_of(told) * told[:, 2], atol=1e-12)
@@ -58,11 +59,11 @@ def test_exchanged_sides_give_exchanged_answers():
 @pytest.mark.parametrize(
     "told",
     [
-        take([0.6] * (FEWEST - 1)),
+        take([0.6, 0.6]),
         take([0.4] * 9),  # lids that never close by half
         take([0.95, 1.0, 0.93]),  # they shut as they are
         take([0.9] * 9, sides=(1.0, 0.0, 0.2)),  # winks
-        np.concatenate([np.full((50, 3), 0.6)] * FEWEST) + 0.02 * np.sin(np.arange(50 * FEWEST))[:, None],  # half shut
+        np.concatenate([np.full((50, 3), 0.6)] * 3) + 0.02 * np.sin(np.arange(150))[:, None],  # half shut
         np.zeros((0, 3)),
     ],
     ids=["few", "shallow", "full", "winks", "half shut", "empty"],
@@ -80,5 +81,5 @@ def test_winks_do_not_change_the_gain_of_the_blinks():
 
 def test_one_lid_for_both_sides_and_no_lid_at_all():
     told = take([0.6] * 4)
-    assert with_full_blinks(told[:, :1], ("AU43",)).max() == pytest.approx(SHUT, abs=0.02)
+    assert with_full_blinks(told[:, :1], ("AU43",)).max() == pytest.approx(SHUT, abs=0.04)
     np.testing.assert_array_equal(with_full_blinks(told[:, :2], ("AU4", "AU9L")), told[:, :2])

@@ -12,7 +12,7 @@ RISES = 0.3  # how far lids close, and open again, when they blink
 DEEP = 0.45  # lids that are told to close by less do not shut: no blink is more than doubled
 TOGETHER = 0.5  # of the stronger side, that the weaker does at least; else it is a wink
 FEWEST = 3  # blinks that tell a scale
-STRONG = 0.9  # the blink that is put at `SHUT` is as strong as this part of all
+STRONG = 0.75  # the blink that is put at `SHUT` is as strong as this part of all
 SHUT = 0.9
 
 
