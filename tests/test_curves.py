@@ -12,6 +12,7 @@ from blendcap.solving.learned import solve_learned
 from blendcap.solving.live import solve_live
 from blendcap.solving.paper import solve_paper
 from blendcap.solving.rows import marker_rows
+from blendcap.solving.visibility import Kinship
 from stage import SHAPES, scene, talk
 
 METHODS = ("learned", "paper", "live")
@@ -48,7 +49,7 @@ def test_a_curve_that_is_not_trusted_changes_nothing(rows):
         (solve_live(rows, mirror, 60, 0.2), solve_live(rows, mirror, 60, 0.2, curves=silent)),
     ):
         np.testing.assert_array_equal(alone[0], beside[0])
-    alone, beside = (solve_learned(rows, mirror, 60, 0.2, curves=given) for given in (None, silent))
+    alone, beside = (solve_learned(rows, Kinship.of_pairs(mirror), 60, 0.2, curves=given) for given in (None, silent))
     np.testing.assert_allclose(alone.unknowns, beside.unknowns, atol=1e-12)
 
 

@@ -40,6 +40,7 @@ from blendcap.solving.visibility import Kinship, weight_errors
 
 SHAPES, MARKERS, FRAMES = 5, 8, 14
 MIRROR = np.array([1, 0, 3, 2, 4])
+KIN = Kinship.of_pairs(MIRROR)
 
 
 def random_rows(seed=0, frames=FRAMES, helmet=2, gaps=0.2, noise=0.3, helmet_lower=-1.0):
@@ -316,7 +317,7 @@ def test_one_pass_is_one_least_squares():
     """A quick shape is free in the first pass: what that would flatten no later pass could find again."""
     rows, _ = random_rows()
     quick = np.arange(SHAPES) == 4
-    answer = solve_learned(rows, MIRROR, 30.0, 0.4, symmetry=0.9, smoothness=0.7, passes=1, quick=quick)
+    answer = solve_learned(rows, replace(KIN, quick=quick, symmetry=0.9), 30.0, 0.4, smoothness=0.7, passes=1)
     prior = symmetric_prior(MIRROR, 0.9, 30.0)
     quadratic = HELMET_RIDGE * np.eye(SHAPES + 2)
     quadratic[:SHAPES, :SHAPES] = 0.16 * np.linalg.inv(prior.covariance)
@@ -346,7 +347,7 @@ def test_short_blinks_of_lids_that_the_markers_hardly_see_are_not_muted(seed):
         truth[peak - 4 : peak + 5, 4] = 0.9 * np.sin(np.linspace(0, np.pi, 9)) ** 2
     moved = np.tensordot(truth, columns, 1) + rng.normal(scale=0.2, size=(240, MARKERS, 3))
     rows = marker_rows(columns[:SHAPES], columns[SHAPES:], moved, np.tile([0.0, 1.0], (SHAPES, 1)), -1.0)
-    answer = solve_learned(rows, MIRROR, 30.0, 0.2, quick=np.arange(SHAPES) == 4).unknowns[:, 4]
+    answer = solve_learned(rows, replace(KIN, quick=np.arange(SHAPES) == 4), 30.0, 0.2).unknowns[:, 4]
     true = truth[:, 4] - truth[:, 4].mean()
     assert 0.8 < true @ answer / (true @ true) < 1.05
     assert answer[truth[:, 4] == 0].mean() < 0.06
@@ -400,9 +401,8 @@ def test_two_that_exclude_each_other_are_not_on_together():
     lacked = 0.2 * (columns[0] + columns[1])
     moved = np.tensordot(truth, columns, 1) + lacked + rng.normal(scale=0.2, size=(200, MARKERS, 3))
     rows = marker_rows(columns, np.empty((0, MARKERS, 3)), moved, np.tile([0.0, 1.0], (SHAPES, 1)), -1.0)
-    none = np.zeros(SHAPES, bool)
-    kin = Kinship(MIRROR, np.array([1, 0, 2, 3, 4]), none, none)
-    free, decided = (solve_learned(rows, MIRROR, 60.0, 0.2, kinship=k).unknowns for k in (None, kin))
+    kin = replace(KIN, opposite=np.array([1, 0, 2, 3, 4]))
+    free, decided = (solve_learned(rows, k, 60.0, 0.2).unknowns for k in (KIN, kin))
     both = [np.minimum(w[:, 0], w[:, 1]) for w in (free, decided)]
     assert both[0].max() > 0.1 and both[1].max() < 0.05  # for some frames, while one hands over to the other
     assert both[1].mean() < 0.003
@@ -415,7 +415,7 @@ def long_rows(seed=3, noise=0.05, gaps=0.1):
 
 def test_the_learned_solve_finds_the_truth_and_the_noise():
     rows, truth = long_rows(noise=0.15)
-    answer = solve_learned(rows, MIRROR, 60.0, 0.01, symmetry=0.0)
+    answer = solve_learned(rows, replace(KIN, symmetry=0.0), 60.0, 0.01)
     assert answer.noise == pytest.approx(0.15, rel=0.1)  # nobody told it
     unlearned, _, _ = solve_paper(rows, 0.0, 1e-6)
     error, plain = (np.sqrt(((a - truth)[:, :SHAPES] ** 2).mean()) for a in (answer.unknowns, unlearned))
@@ -425,19 +425,19 @@ def test_the_learned_solve_finds_the_truth_and_the_noise():
 
 def test_a_stated_noise_is_the_least_that_is_assumed():
     rows, _ = long_rows(noise=0.02)
-    assert solve_learned(rows, MIRROR, 60.0, 0.2, symmetry=0.5).noise == 0.2
+    assert solve_learned(rows, replace(KIN, symmetry=0.5), 60.0, 0.2).noise == 0.2
 
 
 def test_time_has_no_direction_for_the_whole_take():
     rows, _ = long_rows()
     back = MarkerRows(rows.rows, rows.targets[::-1], rows.missing[::-1], SHAPES, rows.lower, rows.upper)
-    forth, reverse = (solve_learned(r, MIRROR, 60.0, 0.05).unknowns for r in (rows, back))
+    forth, reverse = (solve_learned(r, KIN, 60.0, 0.05).unknowns for r in (rows, back))
     assert np.abs(reverse[::-1] - forth).max() < 1e-6
 
 
 def test_smoothness_smooths():
     rows, _ = long_rows(noise=0.3)
-    rough = [np.square(np.diff(solve_learned(rows, MIRROR, 60.0, 0.3, smoothness=s).unknowns[:, :SHAPES], 2, 0)).mean()
+    rough = [np.square(np.diff(solve_learned(rows, KIN, 60.0, 0.3, smoothness=s).unknowns[:, :SHAPES], 2, 0)).mean()
              for s in (0.0, 1.0, 10.0)]  # fmt: skip
     assert rough[0] > 3 * rough[1] > 3 * rough[2]
 
@@ -453,7 +453,7 @@ def test_what_no_marker_sees_follows_its_partner_or_rests(seed):
     lacked -= columns[0] * (lacked * columns[0]).sum() / (columns[0] ** 2).sum()  # shape 0 has no part in it
     moved = wave**2 * (0.8 * columns[0] + lacked)
     rows = marker_rows(columns[:SHAPES], columns[SHAPES:], moved, np.tile([0.0, 1.0], (SHAPES, 1)), -1.0)
-    weights = solve_learned(rows, MIRROR, 60.0, 0.05).unknowns[:, :SHAPES]
+    weights = solve_learned(rows, KIN, 60.0, 0.05).unknowns[:, :SHAPES]
     assert np.abs(weights[:, 0] - 0.8 * wave[:, 0, 0] ** 2).max() < 0.3
     assert np.abs(weights[:, 1] - weights[:, 0]).max() < 0.12
     assert weights[:, 2:].max() < 0.002
@@ -465,14 +465,14 @@ def test_a_marker_that_goes_astray_does_not_drive_the_face():
     targets = rows.targets.copy()
     targets[120:, [2, 5]] += np.array([[9.0, -4.0, 3.0], [-9.0, 4.0, -3.0]])
     swapped = MarkerRows(rows.rows, targets, rows.missing, SHAPES, rows.lower, rows.upper)
-    answer = solve_learned(swapped, MIRROR, 60.0, 0.1)
+    answer = solve_learned(swapped, KIN, 60.0, 0.1)
     assert answer.trusted[[2, 5]].max() < 0.2 and np.delete(answer.trusted, [2, 5]).min() > 0.5
     gone = rows.missing | np.isin(np.arange(MARKERS), [2, 5])
     without = MarkerRows(rows.rows, np.where(gone[..., None], 0, targets), gone, SHAPES, rows.lower, rows.upper)
-    errors = [np.sqrt(((solve_learned(r, MIRROR, 60.0, 0.1).unknowns - truth)[:, :SHAPES] ** 2).mean())
+    errors = [np.sqrt(((solve_learned(r, KIN, 60.0, 0.1).unknowns - truth)[:, :SHAPES] ** 2).mean())
               for r in (swapped, without, rows)]  # fmt: skip
     assert errors[0] < 1.5 * errors[1] and errors[2] < errors[1]
-    assert solve_learned(rows, MIRROR, 60.0, 0.1).trusted.min() == 1.0
+    assert solve_learned(rows, KIN, 60.0, 0.1).trusted.min() == 1.0
 
 
 def test_targets_are_relinearized_before_the_last_pass():
@@ -483,7 +483,7 @@ def test_targets_are_relinearized_before_the_last_pass():
         seen.append(unknowns)
         return rows.targets + 0.01
 
-    answer = solve_learned(rows, MIRROR, 60.0, 0.05, relinearize=shifted)
+    answer = solve_learned(rows, KIN, 60.0, 0.05, relinearize=shifted)
     assert len(seen) == 1 and not np.array_equal(seen[0], answer.unknowns)
     assert np.allclose(answer.rows.targets[~rows.missing], rows.targets[~rows.missing] + 0.01)
 

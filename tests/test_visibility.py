@@ -1,8 +1,11 @@
 """What the markers tell apart, on columns small enough to see through."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from blendcap.data import Mesh, Rig
 from blendcap.data.names import ARKIT52, mirror_map, opposite_map
 from blendcap.solving.rows import marker_rows
 from blendcap.solving.trust import ASTRAY, trust
@@ -27,8 +30,9 @@ def rows_of(columns, seen=1.0):
 
 
 def kin(opposite=None, lids=(), eyeballs=()):
-    places = np.arange(6)
-    return Kinship(PAIRS, places if opposite is None else opposite, np.isin(places, lids), np.isin(places, eyeballs))
+    kin, places = Kinship.of_pairs(PAIRS), np.arange(6)
+    kin = replace(kin, lids=np.isin(places, lids), eyeballs=np.isin(places, eyeballs))
+    return kin if opposite is None else replace(kin, opposite=opposite)
 
 
 def apart():
@@ -117,6 +121,14 @@ def test_opposites_of_the_vocabulary():
     assert np.array_equal(mirror[opposite], opposite[mirror])  # what undoes on the left undoes on the right
     assert ARKIT52[opposite[ARKIT52.index("eyeBlinkLeft")]] == "eyeWideLeft"
     assert opposite_map(("head:EyeWide_L", "jaw", "head:EyeBlink_L")).tolist() == [2, 1, 0]
+
+
+def test_names_of_shapes_tell_lids_eyeballs_and_what_is_quick():
+    names = ("face:EyeBlink_L", "eyeWideRight", "eyeLookInLeft", "jawOpen")
+    kinship = Kinship.of_rig(Rig(Mesh(np.eye(3), np.arange(3)[None]), np.zeros((4, 3, 3)), names))
+    assert kinship.quick.tolist() == [True, False, False, False]
+    assert kinship.lids.tolist() == [True, True, False, False]
+    assert kinship.eyeballs.tolist() == [False, False, True, False]
 
 
 def test_trust_falls_beyond_what_is_usual():

@@ -23,6 +23,7 @@ from blendcap.solving.learned import solve_learned
 from blendcap.solving.noise import MODEL_ERROR, marker_noise
 from blendcap.solving.paper import BETA, GAMMA, solve_paper
 from blendcap.solving.rows import MarkerRows, marker_rows
+from blendcap.solving.visibility import Kinship
 
 log = logging.getLogger(__name__)
 
@@ -142,12 +143,13 @@ def motion_places(
     marker error after every pass, mm.
     """
     start, errors = points.positions(places.rig.mesh), []
+    kinship = Kinship.of_pairs(places.rig.mirror)
     barycentric, reached, squared = places.project(start)
     penalty = ((reached - start[:, None]) ** 2).sum(2) / (2 * deviation**2)
     for _ in range(MOTION_PASSES + 1):
         rows = rest_rows(places.rig, points, alignment, take, rest)
         noise = marker_noise(alignment(take.positions))
-        unknowns = solve_learned(rows, places.rig.mirror, take.rate, float(np.hypot(noise, MODEL_ERROR))).unknowns
+        unknowns = solve_learned(rows, kinship, take.rate, float(np.hypot(noise, MODEL_ERROR))).unknowns
         errors.append(float(np.nanmean(rows.errors(unknowns))))
         if len(errors) > MOTION_PASSES:
             break

@@ -19,7 +19,6 @@ from blendcap.solving.prior import (
     HELMET_STEP,
     HOLD,
     START_DEVIATION,
-    SYMMETRY,
     TakePrior,
     posterior,
     relearned_prior,
@@ -40,15 +39,12 @@ HANDOVER_FRAMES = 9  # in which one of two shapes that exclude each other hands 
 
 def solve_learned(
     rows: MarkerRows,
-    mirror: np.ndarray,
+    kinship: Kinship,
     rate: float,
     noise: float,
     *,
-    symmetry: float = SYMMETRY,
     smoothness: float = 1.0,
     passes: int = 3,
-    quick: np.ndarray | None = None,
-    kinship: Kinship | None = None,
     curves: Curves | None = None,
     curve_error: float = CURVE_ERROR,
     relinearize: Callable[[np.ndarray], np.ndarray] | None = None,
@@ -69,20 +65,16 @@ def solve_learned(
     Parameters
     ----------
     rows : MarkerRows
-    mirror : (N,) int
-        Left and right partners.
+    kinship : Kinship
+        Which shapes go together, exclude each other, or are quick. When a quick one moves is decided from all frames
+        at once, and its poses are believed to reach farther than they do on average.
     rate : float
         Frames a second.
     noise : float
         Standard deviation of a marker coordinate, mm: the least that is assumed. What the rig leaves unexplained is
         added, as the answer shows it.
-    symmetry, smoothness, passes
+    smoothness, passes
         As in SolveSettings.
-    quick : (N,) bool, optional
-        Shapes that move within a few frames and else are calm, as eyelids: when they do is decided from all frames at
-        once, and their poses are believed to reach farther than they do on average.
-    kinship : Kinship, optional
-        Which shapes exclude each other and which are lids and eyeballs; partners alone if not given.
     curves : Curves, optional
         What is known of the weights from elsewhere.
     curve_error : float
@@ -92,12 +84,10 @@ def solve_learned(
     progress : callable
         Told what begins.
     """
-    quick = np.zeros(len(mirror), dtype=bool) if quick is None else quick
-    start = symmetric_prior(mirror, symmetry, rate)
-    start = replace(start, steps=np.where(quick, FREE**2 * 60 / rate, start.steps))
-    kinship = Kinship.of_pairs(mirror, symmetry) if kinship is None else kinship
+    start = symmetric_prior(kinship.mirror, kinship.symmetry, rate)
+    start = replace(start, steps=np.where(kinship.quick, FREE**2 * 60 / rate, start.steps))
     belief = _Belief.first(start, max(noise, START_NOISE), len(rows.rows))
-    told_error = np.full(len(mirror), curve_error)
+    told_error = np.full(rows.shapes, curve_error)
     if curves is not None:
         progress("the markers alone")
         curves, told_error = _calibrated(rows, belief, rate, smoothness, curves, curve_error)
@@ -105,7 +95,7 @@ def solve_learned(
     terms = _terms(rows, belief, rate, smoothness, curves, told_error)
     unknowns, certificate = terms.solved()
     for k in range(1, passes):
-        belief = _learned(rows, terms, unknowns, belief, start, noise, rate, quick, kinship)
+        belief = _learned(rows, terms, unknowns, belief, start, noise, rate, kinship)
         if relinearize is not None and k == passes - 1:
             rows = rows.with_targets(relinearize(unknowns))
         progress(f"pass {k + 1} of {passes}")
@@ -227,7 +217,7 @@ def handed_over(resting: np.ndarray) -> np.ndarray:
 
 def _learned(
     rows: MarkerRows, terms: _Terms, unknowns: np.ndarray, belief: _Belief, start: TakePrior, least: float, rate: float,
-    quick: np.ndarray, kinship: Kinship,
+    kinship: Kinship,
 ) -> _Belief:  # fmt: skip
     """What an answer teaches: the prior, whom to trust, the noise that is left, and what the markers cannot tell."""
     weights, weighed = unknowns[:, : rows.shapes], terms.rows
@@ -238,23 +228,23 @@ def _learned(
     trusted = trust(marker_errors(rows, unknowns, leverage))
     noise = max(least, overall(rows, unknowns, leverage, trusted))
     held = held_shapes(rows.weighed(trusted), lasting_noise(noise, least), kinship, terms.told())
-    prior = prior.reaching(quick).holding(held)
+    prior = prior.reaching(kinship.quick).holding(held)
     factors = step_weights(weights, prior, kinship.mirror)
-    prior, factors = _with_lids(prior, factors, terms, unknowns, noise, rate, quick, kinship)
+    prior, factors = _with_lids(prior, factors, terms, unknowns, noise, rate, kinship)
     return _Belief(prior, noise, factors, held, resting(weights, kinship.opposite), trusted)
 
 
 def _with_lids(
     prior: TakePrior, factors: np.ndarray, terms: _Terms, unknowns: np.ndarray, noise: float, rate: float,
-    quick: np.ndarray, kinship: Kinship,
+    kinship: Kinship,
 ) -> tuple[TakePrior, np.ndarray]:  # fmt: skip
     """The prior and the factors with those of quick shapes: a step's deviation lies between calm and free."""
     told = told_by_frames(terms.rows, unknowns, noise, terms.curves, (noise / terms.told_error) ** 2)
-    chance, calm = lid_events(*told, quick, kinship.partner, rate)
+    chance, calm = lid_events(*told, kinship.quick, kinship.partner, rate)
     free = np.maximum(FREE**2 * 60 / rate, calm)
     return (
-        replace(prior, steps=np.where(quick, calm, prior.steps)),
-        np.where(quick, (calm / free) ** chance, factors),
+        replace(prior, steps=np.where(kinship.quick, calm, prior.steps)),
+        np.where(kinship.quick, (calm / free) ** chance, factors),
     )
 
 

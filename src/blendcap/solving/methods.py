@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from blendcap.data import Rig
-from blendcap.data.names import canonical
 from blendcap.solving.answer import Answer
 from blendcap.solving.curves import Curves
 from blendcap.solving.learned import solve_learned
@@ -56,17 +54,18 @@ def solve_rows(
         solved = solve_paper(rows, *charges, curves=curves, influence=settings.influence)
         return _as_answer(rows, noise, np.zeros(len(rig.names), dtype=bool), *solved)
     kinship = Kinship.of_rig(rig, settings.symmetry)
-    prior: dict[str, Any] = {"symmetry": settings.symmetry, "smoothness": settings.smoothness}
-    prior |= {"curves": curves, "curve_error": settings.curve_error}
     if settings.method == "live":
         told = 0.0 if curves is None else settings.curve_error**-2 * curves.confidence.any(0)
         in_view = replace(rows, missing=np.zeros_like(rows.missing))  # what will be missing is not known yet
         held = held_shapes(in_view, lasting_noise(noise, noise), kinship, told)
-        return _as_answer(rows, noise, held, *solve_live(rows, rig.mirror, rate, noise, held=held, **prior))
+        solved = solve_live(
+            rows, rig.mirror, rate, noise, symmetry=settings.symmetry, smoothness=settings.smoothness, curves=curves,
+            curve_error=settings.curve_error, held=held,
+        )  # fmt: skip
+        return _as_answer(rows, noise, held, *solved)
     return solve_learned(
-        rows, rig.mirror, rate, noise, **prior, passes=settings.passes, kinship=kinship,
-        quick=np.array([canonical(name).startswith("eyeBlink") for name in rig.names]),
-        relinearize=relinearize, progress=progress,
+        rows, kinship, rate, noise, smoothness=settings.smoothness, passes=settings.passes, curves=curves,
+        curve_error=settings.curve_error, relinearize=relinearize, progress=progress,
     )  # fmt: skip
 
 

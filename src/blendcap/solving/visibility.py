@@ -28,6 +28,8 @@ class Kinship:
         The shape that excludes each shape (lid up and lid down); itself if none does.
     lids, eyeballs : (N,) bool
         Shapes of the lids, and those that turn or change the eyeball, on which no marker sits.
+    quick : (N,) bool
+        Shapes that move within a few frames and else are calm, as blinks.
     symmetry : float
         Correlation of partners before the take is seen; at 0 nobody has one.
     """
@@ -36,13 +38,14 @@ class Kinship:
     opposite: np.ndarray
     lids: np.ndarray
     eyeballs: np.ndarray
+    quick: np.ndarray
     symmetry: float = SYMMETRY
 
     @classmethod
     def of_pairs(cls, mirror: np.ndarray, symmetry: float = SYMMETRY) -> Kinship:
         """Partners and nothing else."""
         none = np.zeros(len(mirror), dtype=bool)
-        return cls(mirror, np.arange(len(mirror)), none, none, symmetry)
+        return cls(mirror, np.arange(len(mirror)), none, none, none, symmetry)
 
     @classmethod
     def of_rig(cls, rig: Rig, symmetry: float = SYMMETRY) -> Kinship:
@@ -50,7 +53,8 @@ class Kinship:
         names = [canonical(name) for name in rig.names]
         eyeballs = np.array([name.startswith(("eyeLook", "pupil")) for name in names], dtype=bool)
         lids = np.array([name.startswith("eye") for name in names], dtype=bool) & ~eyeballs
-        return cls(rig.mirror, opposite_map(rig.names), lids, eyeballs, symmetry)
+        quick = np.array([name.startswith("eyeBlink") for name in names], dtype=bool)
+        return cls(rig.mirror, opposite_map(rig.names), lids, eyeballs, quick, symmetry)
 
     @property
     def partner(self) -> np.ndarray:
