@@ -54,7 +54,6 @@ def align_robust(
     target: np.ndarray,
     scale: bool = True,
     *,
-    weights: np.ndarray | None = None,
     floor: float = 0.05,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """`align` that a minority of wrong pairs cannot pull away.
@@ -65,7 +64,7 @@ def align_robust(
 
     Parameters
     ----------
-    source, target, scale, weights
+    source, target, scale
         As in `align`.
     floor : float
         The smallest s, mm: residuals well below it are all treated as exact.
@@ -75,7 +74,7 @@ def align_robust(
     rotation, translation, scale
         As in `align`.
     """
-    source, target, weights = _pairs(source, target, weights)
+    source, target, weights = _pairs(source, target, None)
     fit = align(source, target, scale, weights=weights)
     seen = weights > 0
     width = np.max(np.where(seen, _residuals(source, target, *fit), 0.0), axis=-1)

@@ -11,11 +11,12 @@ DISTANCE = 3.4  # of a portrait lens from the face, in heights of what it frames
 MARGIN = 0.06  # free border on each side, of the picture
 
 
-def look_at(eye: np.ndarray, target: np.ndarray, up=(0.0, 1.0, 0.0)) -> np.ndarray:
-    """Pose (4, 4), world to camera, of an OpenCV camera at `eye` (3,) that looks at `target` (3,), mm."""
+def look_at(eye: np.ndarray, target: np.ndarray) -> np.ndarray:
+    """Pose (4, 4), world to camera, of an upright OpenCV camera at `eye` (3,) that looks at `target` (3,), mm."""
     eye = np.asarray(eye, dtype=np.float64)
     forward = np.asarray(target, dtype=np.float64) - eye
     forward /= np.linalg.norm(forward)
+    up = (0.0, 1.0, 0.0)
     if np.linalg.norm(np.cross(forward, up)) < 1e-6:  # it looks along `up`: any other up will do
         up = (0.0, 0.0, 1.0)
     right = np.cross(forward, up)

@@ -64,7 +64,7 @@ def speech(rig: Rig, rate: float = 60.0, seconds: float = 10.0, seed: int = 0) -
 
 
 def for_rig(animation: Animation, rig: Rig, table: Mapping[str, Sequence[str]] | None = None) -> Animation:
-    """An animation by the names of a rig.
+    """An animation on all shapes of a rig, within their bounds, for a performer to act; `in_vocabulary` only renames.
 
     Parameters
     ----------

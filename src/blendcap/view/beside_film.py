@@ -11,7 +11,7 @@ import numpy as np
 from blendcap.data import Animation, InputError, Rig
 from blendcap.io.video import Video
 from blendcap.io.video_write import write_video
-from blendcap.view.film import Film, pictures, told
+from blendcap.view.film import Film, pictures, reporting
 
 FACE = Film((486, 540), (0.0,))  # how the face is shown beside a film
 WIDEST = 16 / 9  # of a film's picture; a wider one is fitted in
@@ -56,7 +56,7 @@ def write_beside_film(
     left = (_fitted(picture, (width, height)) for picture in pictures_at(video, wanted))
     pairs = (np.hstack(pair) for pair in zip(left, pictures(rig, animation, film), strict=True))
     size = (width + film.size[0], height)
-    return write_video(path, told(pairs, len(wanted), progress), film.rate(animation), size)
+    return write_video(path, reporting(pairs, len(wanted), progress), film.rate(animation), size)
 
 
 def pictures_at(video: Video, wanted: np.ndarray) -> Iterator[np.ndarray]:

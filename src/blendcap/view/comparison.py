@@ -15,7 +15,7 @@ from blendcap.data.anatomy import is_skin
 from blendcap.io.video_write import write_video
 from blendcap.metrics import evaluate
 from blendcap.view import page
-from blendcap.view.film import Film, pictures, told
+from blendcap.view.film import Film, pictures, reporting
 from blendcap.view.posing import weights_on
 from blendcap.view.still import still
 from blendcap.view.style import BLUE, GREEN, INK, inline_svg, new_figure, plain, styled, thinned
@@ -102,7 +102,7 @@ def write_comparison(
     ]
     pairs = (np.hstack(pair) for pair in zip(*films, strict=True))
     size = (2 * film.size[0], film.size[1])
-    return write_video(path, told(pairs, film.count(hybrid), progress), film.rate(hybrid), size)
+    return write_video(path, reporting(pairs, film.count(hybrid), progress), film.rate(hybrid), size)
 
 
 def _check(alone: Animation, hybrid: Animation) -> None:

@@ -79,7 +79,9 @@ def pictures(
     return each_ahead(draw, zip(frames, _surfaces(rig, weights, film.rate(animation)), strict=True))
 
 
-def told(frames: Iterable[np.ndarray], count: int, progress: Callable[[int, int], None] | None) -> Iterator[np.ndarray]:
+def reporting(
+    frames: Iterable[np.ndarray], count: int, progress: Callable[[int, int], None] | None
+) -> Iterator[np.ndarray]:
     """The same frames; `progress` is called with the number done and `count` after each."""
     for done, frame in enumerate(frames, 1):
         yield frame

@@ -13,6 +13,7 @@ from blendcap.view.posing import weights_on
 from blendcap.view.style import BLUE, GREEN, GRID, INK, RED, SIX, new_figure, plain, styled, thinned
 
 ACTIVE = 0.01  # a weight that varies by less does not move
+MOST_SHAPES, MOST_MARKERS = 48, 60  # that a figure has room for
 HELMET, LEFT_OVER = "The helmet against the head", "What is left of the head's motion after it was taken out"
 SHIFTS = ("x, to the subject's left", "y, up", "z, forward")
 TURNS = ("about x, nods down", "about y, looks left", "about z, tilts right")
@@ -50,11 +51,11 @@ def plot_weight_sum(animation: Animation) -> Figure:
 
 
 @styled
-def plot_shapes(animation: Animation, count: int = 48) -> Figure:
+def plot_shapes(animation: Animation) -> Figure:
     """The weight of each shape that moves over time, the most active first (figure 60, bottom)."""
     low, high = np.nan_to_num(animation.weights).min(0), np.nan_to_num(animation.weights).max(0)
     order = np.argsort(low - high, kind="stable")
-    order = order[: max(min(count, int((high - low > ACTIVE).sum())), 1)]
+    order = order[: max(min(MOST_SHAPES, int((high - low > ACTIVE).sum())), 1)]
     columns = min(4, len(order))
     rows = -(-len(order) // columns)
     figure = new_figure(8.4, 0.45 + 0.78 * rows)
@@ -142,10 +143,10 @@ def plot_head(animation: Animation) -> Figure:
 
 
 @styled
-def plot_marker_errors(solution: Solution, largest: int = 60) -> Figure:
+def plot_marker_errors(solution: Solution) -> Figure:
     """Root mean square and 95th percentile of each marker's error, mm, the worst first."""
     rms, p95 = marker_errors(solution)
-    order = np.argsort(-np.nan_to_num(rms), kind="stable")[:largest]
+    order = np.argsort(-np.nan_to_num(rms), kind="stable")[:MOST_MARKERS]
     figure = new_figure(8, 2.8)
     axes = figure.subplots()
     place = np.arange(len(order))

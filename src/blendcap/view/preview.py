@@ -9,7 +9,7 @@ import numpy as np
 
 from blendcap.data import Animation, InputError, Rig
 from blendcap.io.video_write import write_video
-from blendcap.view.film import Film, pictures, told
+from blendcap.view.film import Film, pictures, reporting
 
 
 def write_preview(
@@ -44,4 +44,4 @@ def write_preview(
         if points is not None and len(points) != len(animation.weights):
             raise InputError(f"The {what} have {len(points)} frames, but the animation has {len(animation.weights)}.")
     shown = pictures(rig, animation, film, targets=targets, fitted=fitted)
-    return write_video(path, told(shown, film.count(animation), progress), film.rate(animation), film.size)
+    return write_video(path, reporting(shown, film.count(animation), progress), film.rate(animation), film.size)
