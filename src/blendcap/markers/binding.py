@@ -94,13 +94,7 @@ def bind(
             points, shift, errors = motion_places(places, points, alignment, source, rest, deviation)
     offsets = alignment(rest) + shift - points.positions(rig.mesh)
     _check_fit(offsets, _extent(rest) / _extent(points.positions(rig.mesh)))
-    if not USUAL_SIZE[0] < alignment.scale < USUAL_SIZE[1]:
-        log.warning(
-            "The take is %.3g times as large as the rig, as if its unit were wrong: check that. It is scaled to fit.",
-            1 / alignment.scale,
-        )  # fmt: skip
-    if correspondences is None:
-        log.warning("The markers' places were found automatically: look at the picture before you trust the answer.")
+    _warn(alignment.scale, correspondences is None)
     return Binding(
         points, alignment.rotation, alignment.translation, alignment.scale, offsets, errors, correspondences is None
     )
@@ -123,6 +117,16 @@ def _check_fit(offsets: np.ndarray, size: float) -> None:
             f"Half of the markers lie more than {away:.0f} mm off their places on the rig, so they are not markers of "
             "this face: check the take, its labels and the correspondences."
         )
+
+
+def _warn(scale: float, found: bool) -> None:
+    if not USUAL_SIZE[0] < scale < USUAL_SIZE[1]:
+        log.warning(
+            "The take is %.3g times as large as the rig, as if its unit were wrong: check that. It is scaled to fit.",
+            1 / scale,
+        )  # fmt: skip
+    if found:
+        log.warning("The markers' places were found automatically: look at the picture before you trust the answer.")
 
 
 def _given_places(
