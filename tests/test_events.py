@@ -76,7 +76,7 @@ def test_both_sides_tell_a_blink_that_neither_does_and_a_wink_is_one_sides():
     rng = np.random.default_rng(4)
     seen = truth + noise * rng.normal(size=truth.shape), np.tile(noise**-2.0, (400, 1))
     quick, partner = np.array([True, True, False]), np.array([1, 0, 2])
-    chance, calm = lid_events(*seen, quick, partner, rate)
+    chance, calm = lid_events(*seen, np.ones(3), quick, partner, rate)
     assert min(chance[p, i] for p in peaks for i in (0, 1)) > 0.9 and chance[210, 0] > 0.9
     assert not chance[:, 2].any() and np.isnan(calm[2]) and calm[0] == calm[1]
     alone = step_chances(seen[0][:, 1], seen[1][:, 1], rate)[0]
@@ -103,3 +103,38 @@ def test_what_a_frame_tells_is_the_best_weight_if_only_it_could_move():
             energy(here + step * k * (np.arange(7)[:, None] == t) * (np.arange(4) == i)) for k in (-1, 0, 1)
         )
         assert abs(high - low) < 1e-9 and (high + low - 2 * mid) / 2 / step**2 == pytest.approx(0.09 * precision[t, i])
+
+
+def test_a_side_that_hides_moves_neither_lid():
+    """One lid hangs lower than the other: where its markers vanish, what both tell must not leap."""
+    rng = np.random.default_rng(1)
+    truth, noise = np.tile([0.1, 0.55], (400, 1)), 0.05
+    precision = np.full((400, 2), noise**-2)
+    precision[150:200, 1] = 0
+    seen = truth + noise * rng.normal(size=truth.shape)
+    chance, _ = lid_events(seen, precision, np.ones(2), np.ones(2, bool), np.array([1, 0]), 60.0)
+    assert chance[145:205].max() < 0.5
+
+
+@pytest.mark.parametrize("rest", [0.0, 0.3, 0.85, 1.0])
+def test_a_lid_is_calm_wherever_it_rests(rest):
+    chance, _ = step_chances(*told(np.full(900, rest), 2, noise=0.05), 60.0)
+    assert chance.mean() < 0.06
+
+
+def test_a_weight_that_goes_to_more_than_one_is_no_other_lid():
+    lid = blinking([60, 160], 220, 30.0)
+    seen, quick, partner = told(lid, 5, noise=0.1), np.array([True]), np.array([0])
+    one = lid_events(seen[0][:, None], seen[1][:, None], np.ones(1), quick, partner, 30.0)
+    hundred = lid_events(100 * seen[0][:, None], seen[1][:, None] / 1e4, np.full(1, 100.0), quick, partner, 30.0)
+    assert np.allclose(one[0], hundred[0]) and np.allclose(1e4 * one[1], hundred[1])
+
+
+@pytest.mark.parametrize("rate", [24.0, 30.0, 120.0, 240.0])
+def test_an_event_is_told_when_it_is(rate):
+    """A lid that falls in a fifth of a second is on its way then, at any rate, and not a block of frames later."""
+    frames = round(4 * rate)
+    seconds = np.arange(frames) / rate
+    chance, _ = step_chances(*told(np.interp(seconds, [2.0, 2.2], [0.1, 0.9]), 1, noise=0.02), rate)
+    moving = seconds[chance > 0.5]
+    assert abs(moving.mean() - 2.1 - 0.5 / rate) < 0.02 and 0.13 < np.ptp(moving) < 0.3

@@ -15,6 +15,7 @@ from blendcap.solving.learned import (
     HELMET_RIDGE,
     HELMET_STEP,
     _Belief,
+    _pull_along,
     _terms,
     handed_over,
     solve_learned,
@@ -33,6 +34,7 @@ from blendcap.solving.prior import (
     resting,
     step_weights,
     symmetric_prior,
+    trend,
 )
 from blendcap.solving.rows import MarkerRows, marker_rows
 from blendcap.solving.settings import SolveSettings
@@ -359,7 +361,8 @@ def test_energies_are_the_objective():
     rng = np.random.default_rng(4)
     belief = _Belief(
         symmetric_prior(MIRROR, 0.9, 30.0), 0.4, rng.uniform(0.5, 2, (FRAMES, SHAPES)),
-        np.zeros(SHAPES, bool), np.arange(FRAMES)[:, None] < rng.integers(0, FRAMES, SHAPES),
+        np.pad(rng.normal(scale=0.1, size=(FRAMES - 1, SHAPES)), ((1, 0), (0, 0))), np.zeros(SHAPES, bool),
+        np.arange(FRAMES)[:, None] < rng.integers(0, FRAMES, SHAPES),
         np.linspace(0.2, 1, MARKERS),
     )  # fmt: skip
     curves = Curves(*rng.random((2, FRAMES, SHAPES)))
@@ -368,7 +371,7 @@ def test_energies_are_the_objective():
     assert diagonal[:, :SHAPES][handed_over(belief.resting) > 0.5].min() > 100 and not diagonal[:, SHAPES:].any()
 
     def told(a):
-        value = 2 * ((terms.rows.linear + pull) * a).sum()
+        value = 2 * ((terms.rows.linear + pull + _pull_along(terms.coupling, terms.foretold)) * a).sum()
         for t in range(FRAMES):
             h = terms.rows.rows[~rows.missing[t]].reshape(-1, a.shape[1])
             value += a[t] @ (h.T @ h + terms.precision + np.diag(diagonal[t])) @ a[t]
@@ -473,6 +476,45 @@ def test_a_marker_that_goes_astray_does_not_drive_the_face():
               for r in (swapped, without, rows)]  # fmt: skip
     assert errors[0] < 1.5 * errors[1] and errors[2] < errors[1]
     assert solve_learned(rows, KIN, 60.0, 0.1).trusted.min() == 1.0
+
+
+def test_foretold_steps_are_a_linear_term():
+    coupling = np.random.default_rng(1).uniform(1, 4, (9, SHAPES + 2))
+    foretold = np.zeros((9, SHAPES))
+    foretold[1:] = np.random.default_rng(2).normal(scale=0.1, size=(8, SHAPES))
+    a = np.random.default_rng(3).uniform(size=(9, SHAPES + 2))
+    steps = np.diff(a, axis=0)
+    steps[:, :SHAPES] -= foretold[1:]
+    plain, shifted = ((coupling[1:] * s**2).sum() for s in (np.diff(a, axis=0), steps))
+    constant = (coupling[1:, :SHAPES] * foretold[1:] ** 2).sum()
+    assert shifted == pytest.approx(plain + 2 * (_pull_along(coupling, foretold) * a).sum() + constant)
+
+
+def test_what_is_on_its_way_goes_on():
+    ramp = np.tile(np.arange(20.0)[:, None] * 0.05, (1, SHAPES))
+    foretold = trend(ramp)
+    assert np.allclose(foretold[4:-3], 0.05) and not foretold[0].any()
+    lone = np.zeros((20, 1))
+    lone[10:] = 0.8
+    assert np.allclose(trend(lone)[10], 0.8 * 6 / 16)  # a lone step is foretold but in part
+
+
+def test_a_blink_of_wide_eyes_is_not_held_at_rest():
+    """Eyes are wide by 0.4 and blink once: of the two opposites the blink is smaller all along, but for its event."""
+    rng = np.random.default_rng(7)
+    columns = rng.normal(size=(SHAPES + 2, MARKERS, 3))
+    columns[3] = -0.6 * columns[4]
+    columns[3:5] *= 1.5 / np.linalg.norm(columns[4])
+    truth = np.zeros((200, SHAPES + 2))
+    truth[:, 3] = 0.4
+    truth[95:107, 4] = np.sin(np.linspace(0, np.pi, 12)) ** 2
+    truth[95:107, 3] *= 1 - truth[95:107, 4]
+    moved = np.tensordot(truth, columns, 1) + rng.normal(scale=0.2, size=(200, MARKERS, 3))
+    rows = marker_rows(columns[:SHAPES], columns[SHAPES:], moved, np.tile([0.0, 1.0], (SHAPES, 1)), -1.0)
+    kin = Kinship.of_pairs(np.arange(SHAPES))
+    kin = replace(kin, opposite=np.array([0, 1, 2, 4, 3]), quick=np.arange(SHAPES) == 4)
+    answer = solve_learned(rows, kin, 60.0, 0.2).unknowns
+    assert answer[99:103, 4].max() > 0.6 and answer[:85, 4].max() < 0.15
 
 
 def test_targets_are_relinearized_before_the_last_pass():

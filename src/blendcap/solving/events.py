@@ -18,10 +18,11 @@ from blendcap.solving.rows import MarkerRows
 
 # Standard deviations of steps at 60 frames a second. Those of `calm` are learned; this is what it begins with.
 CALM, MOVING = 0.005, 0.15
-FREE = 0.5  # of a step that is known to be part of an event: what it is, the markers decide
+FREE = 0.15  # of a step that is known to be part of an event, beside what the steps around it foretell
 # Probabilities at 60 frames a second; generous, since a false alarm costs a restless moment and a miss costs a blink.
 BLINKS, BEGINS = 0.02, 0.01
 STAYS = 0.75  # that a step on the way is followed by another
+SHUT = 0.8
 DEPTHS = (0.4, 0.7, 1.0)  # how far blinks go of the way to shut
 TIMES = ((0.07, 0.13), (0.13, 0.27))  # seconds in which they close and open
 LEVELS = np.linspace(0, 1, 25)
@@ -63,7 +64,7 @@ def told_by_frames(
 
 
 def lid_events(
-    told: np.ndarray, precision: np.ndarray, quick: np.ndarray, partner: np.ndarray, rate: float
+    told: np.ndarray, precision: np.ndarray, span: np.ndarray, quick: np.ndarray, partner: np.ndarray, rate: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """How probable it is that each step of a quick shape is part of an event, and the variance of its other steps.
 
@@ -73,6 +74,8 @@ def lid_events(
     ----------
     told, precision : (T, N)
         From `told_by_frames`.
+    span : (N,)
+        The weight that is all of a shape, 1 for most: a lid that is shut.
     quick : (N,) bool
     partner : (N,) int
         The shape on the other side that goes with each; itself if none does.
@@ -86,15 +89,25 @@ def lid_events(
     calm : (N,)
         NaN for shapes that are not quick.
     """
+    told, precision = told / span, precision * span**2
     chance, calm = np.zeros_like(told), np.full(told.shape[1], np.nan)
     for i in np.flatnonzero(quick):
         pair = [i] if partner[i] == i else [i, partner[i]]
-        both = precision[:, pair].sum(1)
-        mean = (precision[:, pair] * told[:, pair]).sum(1) / np.maximum(both, 1e-12)
-        chance[:, i], calm[i] = step_chances(mean, both, rate)
+        chance[:, i], calm[i] = step_chances(*_pooled(told[:, pair], precision[:, pair]), rate)
         if len(pair) > 1:
             chance[:, i] = np.maximum(chance[:, i], step_chances(told[:, i], precision[:, i], rate)[0])
-    return chance, calm
+    return chance, calm * span**2
+
+
+def _pooled(told: np.ndarray, precision: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """What two sides (T, 2) tell together, and its precision, (T,).
+
+    One lid may hang lower than the other: each side's mean is set aside, or where one is hidden the level would leap.
+    """
+    usual = (precision * told).sum(0) / np.maximum(precision.sum(0), 1e-12)
+    both = precision.sum(1)
+    apart = (precision * (told - usual)).sum(1) / np.maximum(both, 1e-12)
+    return apart + (precision.sum(0) * usual).sum() / max(float(both.sum()), 1e-12), both
 
 
 def step_chances(told: np.ndarray, precision: np.ndarray, rate: float) -> tuple[np.ndarray, float]:
@@ -112,7 +125,8 @@ def step_chances(told: np.ndarray, precision: np.ndarray, rate: float) -> tuple[
     total = np.add.reduceat(precision, firsts)
     mean = np.add.reduceat(precision * told, firsts) / np.maximum(total, 1e-12)
     chance, calm = _chances(mean, total, rate / block)
-    return np.repeat(chance, block)[: len(told)], calm / block
+    middle = np.minimum((np.arange(len(told)) + block // 2) // block, len(chance) - 1)  # of two blocks lies a step
+    return chance[middle], calm / block
 
 
 def _chances(told: np.ndarray, precision: np.ndarray, rate: float) -> tuple[np.ndarray, float]:
@@ -122,7 +136,8 @@ def _chances(told: np.ndarray, precision: np.ndarray, rate: float) -> tuple[np.n
     costs = 0.5 * precision[:, None] * (told[:, None] - LEVELS) ** 2
     blinks = _blink_costs(told, precision, rate)
     begins, blink = BEGINS * scale, BLINKS * scale
-    modes = np.array([[max(1 - begins - blink, 0.1), begins], [1 - STAYS, STAYS]])
+    stays = STAYS**scale
+    modes = np.array([[max(1 - begins - blink, 0.1), begins], [1 - stays, stays]])
     apart, moving = (LEVELS[:, None] - LEVELS) ** 2, _diffusion(MOVING**2 * scale)
     chance = np.zeros(len(told))
     for _ in range(ROUNDS):
@@ -152,6 +167,7 @@ def _blink_costs(told: np.ndarray, precision: np.ndarray, rate: float) -> tuple[
         for k, way in enumerate(shape, 1):
             value = LEVELS + (1 - LEVELS) * way
             costs[starts, j] += 0.5 * precision[starts + k, None] * (told[starts + k, None] - value) ** 2
+    costs[:, :, LEVELS > SHUT] = np.inf  # what is shut does not blink
     return costs, lengths
 
 

@@ -25,6 +25,7 @@ from blendcap.solving.prior import (
     resting,
     step_weights,
     symmetric_prior,
+    trend,
 )
 from blendcap.solving.rows import MarkerRows
 from blendcap.solving.trust import marker_errors, overall, trust
@@ -116,6 +117,8 @@ class _Belief:
         mm.
     factors : (T, N)
         On the coupling of each step: Student weights; one row before any is known.
+    foretold : (T, N)
+        Steps that shapes on their way are about to make, likewise.
     held : (N,) bool
     resting : (T, N) bool
         Shapes at rest because one that excludes them is on; one row before any is known.
@@ -125,6 +128,7 @@ class _Belief:
     prior: TakePrior
     noise: float
     factors: np.ndarray
+    foretold: np.ndarray
     held: np.ndarray
     resting: np.ndarray
     trusted: np.ndarray
@@ -132,7 +136,7 @@ class _Belief:
     @staticmethod
     def first(prior: TakePrior, noise: float, markers: int) -> _Belief:
         none = np.zeros((1, len(prior.steps)), dtype=bool)
-        return _Belief(prior, noise, 1.0 - none, none[0], none, np.ones(markers))
+        return _Belief(prior, noise, 1.0 - none, 0.0 * none, none[0], none, np.ones(markers))
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,6 +150,7 @@ class _Terms:
     precision: np.ndarray
     hold: np.ndarray
     coupling: np.ndarray
+    foretold: np.ndarray
     curves: Curves | None
     told_error: np.ndarray
     strength: np.ndarray
@@ -154,8 +159,8 @@ class _Terms:
         """The unknowns (T, N + K) at its optimum."""
         diagonal, pull = self.diagonal_and_pull()
         unknowns, certificate = solve_box_sequence(
-            self.rows.gram + self.precision, self.rows.linear + pull, self.coupling,
-            diagonal=diagonal, lower=self.rows.lower, upper=self.rows.upper, start=start,
+            self.rows.gram + self.precision, self.rows.linear + pull + _pull_along(self.coupling, self.foretold),
+            self.coupling, diagonal=diagonal, lower=self.rows.lower, upper=self.rows.upper, start=start,
             rows=self.rows.rows, missing=self.rows.missing,
         )  # fmt: skip
         log.info("%d Newton steps, KKT %.1e", certificate.iterations, certificate.max_kkt)
@@ -178,6 +183,7 @@ class _Terms:
         """{term: (T,)} mm²."""
         rows = self.rows
         steps = np.diff(unknowns, axis=0, prepend=unknowns[:1])
+        steps[:, : rows.shapes] -= self.foretold
         steps = steps**2 * self.coupling
         energies = {
             "markers": np.nansum(rows.errors(unknowns) ** 2, axis=1),
@@ -200,6 +206,7 @@ def _terms(
         _precision(belief.prior, belief.noise, len(rows.lower)),
         handed_over(belief.resting) * (belief.noise / (HOLD * START_DEVIATION)) ** 2,
         _coupling(weighed, belief.prior, belief.noise, rate, smoothness * belief.factors),
+        belief.foretold,
         curves,
         told_error,
         (belief.noise / told_error) ** 2,
@@ -228,24 +235,29 @@ def _learned(
     trusted = trust(marker_errors(rows, unknowns, leverage))
     noise = max(least, overall(rows, unknowns, leverage, trusted))
     held = held_shapes(rows.weighed(trusted), lasting_noise(noise, least), kinship, terms.told())
-    prior = prior.reaching(kinship.quick).holding(held)
+    span = _span(rows)
+    prior = prior.reaching(kinship.quick, span).holding(held)
     factors = step_weights(weights, prior, kinship.mirror)
-    prior, factors = _with_lids(prior, factors, terms, unknowns, noise, rate, kinship)
-    return _Belief(prior, noise, factors, held, resting(weights, kinship.opposite), trusted)
+    told = told_by_frames(weighed, unknowns, noise, terms.curves, (noise / terms.told_error) ** 2)
+    chance, calm = lid_events(*told, span, kinship.quick, kinship.partner, rate)
+    free = np.maximum((FREE * span) ** 2 * 60 / rate, calm)
+    prior = replace(prior, steps=np.where(kinship.quick, calm, prior.steps))
+    factors = np.where(kinship.quick, (calm / free) ** chance, factors)
+    smaller = resting(weights, kinship.opposite) & (chance < 0.5)
+    return _Belief(prior, noise, factors, chance * trend(weights), held, smaller, trusted)
 
 
-def _with_lids(
-    prior: TakePrior, factors: np.ndarray, terms: _Terms, unknowns: np.ndarray, noise: float, rate: float,
-    kinship: Kinship,
-) -> tuple[TakePrior, np.ndarray]:  # fmt: skip
-    """The prior and the factors with those of quick shapes: a step's deviation lies between calm and free."""
-    told = told_by_frames(terms.rows, unknowns, noise, terms.curves, (noise / terms.told_error) ** 2)
-    chance, calm = lid_events(*told, kinship.quick, kinship.partner, rate)
-    free = np.maximum(FREE**2 * 60 / rate, calm)
-    return (
-        replace(prior, steps=np.where(kinship.quick, calm, prior.steps)),
-        np.where(kinship.quick, (calm / free) ** chance, factors),
-    )
+def _span(rows: MarkerRows) -> np.ndarray:
+    """(N,) the weight that is all of a shape: its upper bound, or 1 where there is none."""
+    upper = rows.upper[: rows.shapes]
+    return np.where(np.isfinite(upper) & (upper > 0), upper, 1.0)
+
+
+def _pull_along(coupling: np.ndarray, foretold: np.ndarray) -> np.ndarray:
+    """(T, N + K) linear term of `c_t (a_t - a_(t-1) - f_t)²` with the steps foretold (T, N), mm²."""
+    push = np.zeros_like(coupling)
+    push[:, : foretold.shape[1]] = coupling[:, : foretold.shape[1]] * foretold
+    return np.vstack([push[1:], np.zeros_like(push[:1])]) - push
 
 
 def _coupling(rows: MarkerRows, prior: TakePrior, noise: float, rate: float, factors) -> np.ndarray:

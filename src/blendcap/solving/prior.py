@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
+from scipy.ndimage import correlate1d, uniform_filter1d
 
 START_DEVIATION = 0.35  # of a weight, before the take is seen
 SYMMETRY = 0.97  # correlation of left and right partners, likewise
@@ -24,6 +24,7 @@ FREEDOM = 0.25  # degrees of freedom of Student's t: the smaller, the more a lar
 STUDENT_SCALE = 0.5  # of the variance of the steps
 EVENT_FRAMES = 3
 REACH = 0.5  # the least of shapes that blink: C tells how long eyes are shut, not how far they close
+TREND = (1, 4, 6, 4, 1)  # weights of the neighbouring steps that foretell a step of theirs
 DECISION_FRAMES = 5  # over which it is decided which of two shapes rests
 FREQUENCIES = 16  # at which the posterior covariance is sampled
 
@@ -47,10 +48,13 @@ class TakePrior:
         """The prior that keeps the shapes `held` (N,) bool at rest."""
         return self._scaled(np.where(held, HOLD, 1.0))
 
-    def reaching(self, quick: np.ndarray) -> TakePrior:
-        """The prior that lets the shapes `quick` (N,) bool reach the height of a peak, however rare peaks are."""
+    def reaching(self, quick: np.ndarray, span: np.ndarray | float = 1.0) -> TakePrior:
+        """The prior that lets the shapes `quick` (N,) bool reach the height of a peak, however rare peaks are.
+
+        `span` (N,) is the weight that is all of a shape.
+        """
         deviation = np.sqrt(np.diag(self.covariance))
-        return self._scaled(np.where(quick, np.maximum(REACH / deviation, 1.0), 1.0))
+        return self._scaled(np.where(quick, np.maximum(REACH * span / deviation, 1.0), 1.0))
 
     def _scaled(self, factor: np.ndarray) -> TakePrior:
         return TakePrior(self.covariance * np.outer(factor, factor), self.steps)
@@ -128,6 +132,12 @@ def step_weights(weights: np.ndarray, prior: TakePrior, mirror: np.ndarray) -> n
     scaled = uniform_filter1d((scaled + scaled[:, mirror]) / 2, EVENT_FRAMES, axis=0)
     factors[1:] = (FREEDOM + 1) / (FREEDOM + scaled)
     return factors
+
+
+def trend(weights: np.ndarray) -> np.ndarray:
+    """(T, N) the step into each frame that the steps around it foretell: what is on its way goes on."""
+    steps = correlate1d(np.diff(weights, axis=0), np.array(TREND) / sum(TREND), axis=0, mode="constant")
+    return np.pad(steps, ((1, 0), (0, 0)))
 
 
 def resting(weights: np.ndarray, opposite: np.ndarray) -> np.ndarray:
