@@ -105,10 +105,10 @@ def main() -> None:
     note = (
         f"{len(measured)} cases ({'; '.join(measured)}), {frames} frames, {blinks} blinks, 50 markers, 53 ICT shapes. "
         f"Mismatch strength {arguments.strength:g} (1: gains of 16 % standard deviation, but 1 for shapes that close "
-        "the lids, and 12 correctives that the rig lacks), a neutral registered to 0.5 mm, noise 0.2 mm, misplacement "
-        "1.5 mm along the surface, slip 2 mm and 2 degrees, 5 % occluded. All cases of a kind play the same stretch of "
-        "one recording; they differ in identity, performer, markers and noise. The truth is the performer's own face, "
-        "so that the true weights on the rig are not free of error."
+        "the lids, and up to 12 correctives that the rig lacks), a neutral registered to 0.5 mm, noise 0.2 mm, "
+        "misplacement 1.5 mm along the surface, slip 2 mm and 2 degrees, 5 % occluded. The cases of one recording play "
+        "the same stretch of it; they differ in identity, performer, markers and noise. The truth is the performer's "
+        "own face, so that the true weights on the rig are not free of error."
     )
     write_section(f"Accuracy of the marker solve: {arguments.kind}, strength {arguments.strength:g}", command,
                   f"{note}\n\n{table(measured)}")  # fmt: skip
