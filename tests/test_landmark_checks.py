@@ -112,3 +112,12 @@ def test_landmarks_that_were_found_all_over_are_not_used(monkeypatch):
     monkeypatch.setattr("blendcap.modeling.landmark_pairs.find_landmarks", lambda _: found)
     pairs, notes = find_pairs(RIG.mesh, RIG)
     assert pairs is None and "contradict each other" in notes[0]
+
+
+def test_of_three_landmarks_that_were_found_none_may_be_left_out(monkeypatch):
+    few = ALL.select(list(FIVE[:3]))
+    rows = [ALL.names.index(name) for name in (FIVE[0], FIVE[1], "lip_corner_right")]
+    found = SurfacePoints(few.names, ALL.faces[rows], ALL.barycentric[rows])
+    monkeypatch.setattr("blendcap.modeling.landmark_pairs.find_landmarks", lambda _: found)
+    pairs, notes = find_pairs(RIG.mesh, RIG)
+    assert pairs is None and "contradict each other" in notes[0]

@@ -33,16 +33,15 @@ def find_pairs(scan: Mesh, template: Rig) -> tuple[tuple[SurfacePoints, np.ndarr
     if len(names) < FEWEST:
         return None, ["The template knows too few of the scan's landmarks, so it is aligned by its shape; give some."]
     _, odd = far_off(here.select(names).positions(template.mesh), there.select(names).positions(scan))
-    if odd.sum() > MISLED * len(names):
+    lost = [name for name, off in zip(names, odd, strict=True) if off]
+    kept = [name for name in names if name not in {*lost, *_on_lines_of(lost)}]
+    if len(lost) > MISLED * len(names) or len(kept) < FEWEST:
         said = (
             "The landmarks that were found contradict each other, so the template is aligned by its shape; give some."
         )
         return None, [said]
-    lost = [name for name, off in zip(names, odd, strict=True) if off]
-    kept = [name for name in names if name not in {*lost, *_on_lines_of(lost)}]
-    said = (
-        f"Landmarks left out, as they lie where the others do not put them: {listed(lost)}, with lines that end there."
-    )
+    lines = ", with lines that end there" if len(lost) + len(kept) < len(names) else ""
+    said = f"Landmarks left out, as they lie where the others do not put them: {listed(lost)}{lines}."
     return (here.select(kept), there.select(kept).positions(scan)), [said] if lost else []
 
 
