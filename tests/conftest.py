@@ -1,6 +1,7 @@
 """Fixtures that all tests share."""
 
 import os
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -19,6 +20,13 @@ class Data:
         if not path.exists():
             pytest.skip(f"needs {name} of the real data; set BLENDCAP_DATA to their folder")
         return path
+
+
+@pytest.fixture
+def benchmark_module(monkeypatch):
+    """Imports a module of the benchmarks by its name."""
+    monkeypatch.syspath_prepend(str(HERE.parent / "benchmarks"))
+    return import_module
 
 
 @pytest.fixture(scope="session")

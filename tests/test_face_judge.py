@@ -1,21 +1,15 @@
 """Detectors that never saw our faces find them: OpenCV's cascade, and MediaPipe in an environment of its own."""
 
 import sys
-from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
-BENCHMARKS = str(Path(__file__).resolve().parent.parent / "benchmarks")
-
 
 @pytest.fixture
-def judge(monkeypatch):
-    monkeypatch.syspath_prepend(BENCHMARKS)
-    import face_judge
-
-    return face_judge
+def judge(benchmark_module):
+    return benchmark_module("face_judge")
 
 
 def test_a_cascade_of_1_finds_the_mannequin(judge):

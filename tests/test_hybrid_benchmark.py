@@ -1,19 +1,12 @@
 """The counting of the hybrid benchmark: what is told early or late, and what is not."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-BENCHMARKS = str(Path(__file__).resolve().parent.parent / "benchmarks")
-
 
 @pytest.fixture
-def counts(monkeypatch):
-    monkeypatch.syspath_prepend(BENCHMARKS)
-    import hybrid_counts
-
-    return hybrid_counts
+def counts(benchmark_module):
+    return benchmark_module("hybrid_counts")
 
 
 def test_near_reaches_so_many_frames_and_does_not_wrap_around(counts):

@@ -22,7 +22,7 @@ FREE = 0.15  # of a step that is known to be part of an event, beside what the s
 # Probabilities at 60 frames a second; generous, since a false alarm costs a restless moment and a miss costs a blink.
 BLINKS, BEGINS = 0.02, 0.01
 STAYS = 0.75  # that a step on the way is followed by another
-SHUT = 0.8
+SHUT = 0.8  # a lid that is farther down than this is shut
 DEPTHS = (0.4, 0.7, 1.0)  # how far blinks go of the way to shut
 TIMES = ((0.07, 0.13), (0.13, 0.27))  # seconds in which they close and open
 LEVELS = np.linspace(0, 1, 25)
@@ -167,7 +167,7 @@ def _blink_costs(told: np.ndarray, precision: np.ndarray, rate: float) -> tuple[
         for k, way in enumerate(shape, 1):
             value = LEVELS + (1 - LEVELS) * way
             costs[starts, j] += 0.5 * precision[starts + k, None] * (told[starts + k, None] - value) ** 2
-    costs[:, :, LEVELS > SHUT] = np.inf  # what is shut does not blink
+    costs[:, :, LEVELS > SHUT] = np.inf  # it does not blink
     return costs, lengths
 
 
