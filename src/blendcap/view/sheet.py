@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
+from math import sqrt
 from pathlib import Path
 
 import numpy as np
@@ -17,16 +19,18 @@ from blendcap.view.posing import framed_vertices
 
 SIDES = {"front": 0.0, "three-quarter": 0.7, "side": 1.5708}  # yaw, rad
 FACE = 3.0  # mm: what a shape moves by more belongs to the face that fills a cell
+TALL, SCREEN = 1.2, 1.6  # a cell's height over its width; the sheet's width over its height, unless columns are given
 HEAT = 0.30  # of a cell's width: the small face that shows where a shape moves
+NAME, LENGTH = 13, 18  # letters in the height of a cell: of a name, and of how far it moves
 STILL, MOVES = np.array([0.80, 0.81, 0.83]), np.array([0.84, 0.12, 0.10])  # sRGB
 
 
-def write_contact_sheet(path: str | Path, rig: Rig, *, columns: int = 8, cell: int = 240) -> None:
+def write_contact_sheet(path: str | Path, rig: Rig, *, columns: int | None = None, cell: int = 240) -> None:
     """Write the contact sheet of a rig as PNG; see `contact_sheet`."""
     write_image(path, contact_sheet(rig, columns=columns, cell=cell))
 
 
-def contact_sheet(rig: Rig, *, columns: int = 8, cell: int = 240) -> np.ndarray:
+def contact_sheet(rig: Rig, *, columns: int | None = None, cell: int = 240) -> np.ndarray:
     """Picture (H, W, 3) uint8 of the neutral from three sides and of each shape at its highest weight.
 
     The cell of a shape shows the face without the skull, how far the shape moves the skin, mm, and a small face that is
@@ -34,13 +38,14 @@ def contact_sheet(rig: Rig, *, columns: int = 8, cell: int = 240) -> np.ndarray:
 
     Parameters
     ----------
-    columns : int
-        Faces in a row.
+    columns : int, optional
+        Faces in a row; as many as give the sheet the form of a screen if not given.
     cell : int
         Width of a face, pixels.
     """
-    size = (cell, round(cell * 1.2))
+    size = (cell, round(cell * TALL))
     cells = list(_cells(rig, size))
+    columns = columns or round(sqrt(SCREEN * TALL * len(cells)))
     blank = np.full_like(cells[0], 205)
     cells += [blank] * (-len(cells) % columns)
     return np.vstack([np.hstack(cells[start : start + columns]) for start in range(0, len(cells), columns)])
@@ -81,23 +86,36 @@ def _heat(surface: Surface, moved: np.ndarray, camera: Camera, size: tuple[int, 
 def _named(picture: np.ndarray, name: str) -> np.ndarray:
     """Write a name into the foot of a cell."""
     height, width = picture.shape[:2]
-    draw_text(picture, name, (width // 2, height - height // 30), height=_letters(name, picture, 0.96), anchor="ms")
+    letters = _letters([name], picture, 0.96)
+    draw_text(picture, name, (width // 2, height - height // 30), height=letters, anchor="ms")
     return picture
 
 
 def _described(picture: np.ndarray, name: str, moved: float) -> np.ndarray:
     """Write the name of a shape, and under it how far it moves, into the left of the foot of a cell."""
     height, width = picture.shape[:2]
-    far, left, line = f"{moved:.1f} mm" if moved >= 0.05 else "under 0.05 mm", width // 40, height // 16
-    draw_text(picture, far, (left, height - height // 40), height=max(height // 24, 6), anchor="ls")
-    letters = _letters(name, picture, 0.97 - HEAT)
-    draw_text(picture, name, (left, height - height // 40 - line), height=letters, anchor="ls")
+    far, left, bottom = f"{moved:.1f} mm" if moved >= 0.05 else "under 0.05 mm", width // 40, height - height // 40
+    lines, small = _halves(name), max(height // LENGTH, 6)
+    lines = lines if text_width(name, height // NAME) > (0.97 - HEAT) * width else [name]
+    letters = _letters(lines, picture, 0.97 - HEAT)
+    draw_text(picture, far, (left, bottom), height=small, anchor="ls")
+    for k, line in enumerate(reversed(lines)):
+        draw_text(picture, line, (left, bottom - round(1.2 * (small + k * letters))), height=letters, anchor="ls")
     return picture
 
 
-def _letters(name: str, picture: np.ndarray, share: float) -> int:
-    """The height of letters, pixels, with which a name fits into a share of a picture's width."""
-    letters = picture.shape[0] // 18
-    while letters > 6 and text_width(name, letters) > share * picture.shape[1]:
+def _halves(name: str) -> list[str]:
+    """A name in two lines, parted before the word nearest to its middle; in one line if it is one word."""
+    starts = [found.start() for found in re.finditer(r"(?<=[^_.A-Z])[A-Z_.]", name)]
+    if not starts:
+        return [name]
+    middle = min(starts, key=lambda start: abs(2 * start - len(name)))
+    return [name[:middle], name[middle:]]
+
+
+def _letters(lines: list[str], picture: np.ndarray, share: float) -> int:
+    """The height of letters, pixels, with which lines fit into a share of a picture's width."""
+    letters = picture.shape[0] // NAME
+    while letters > 6 and max(text_width(line, letters) for line in lines) > share * picture.shape[1]:
         letters -= 1
     return letters
