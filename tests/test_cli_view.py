@@ -1,6 +1,7 @@
 """Looking at rigs and animations: pictures, films, and the film of the performance beside."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,9 +9,10 @@ from PIL import Image
 
 from blendcap import Animation, Mesh, Rig, read_animation, read_video, write_animation, write_rig
 from blendcap.cli import main
+from blendcap.cli.films import thin_film, writes
 from blendcap.io import write_video
 from blendcap.view.beside_film import pictures_at
-from blendcap.view.sheet import contact_sheet, reach
+from blendcap.view.sheet import _described, _halves, _letters, contact_sheet, reach
 from blendcap.view.still import still
 from sheet import sheet_rig
 
@@ -50,6 +52,41 @@ def test_a_shape_is_shown_with_those_that_it_needs():
     alone = Rig(rig.mesh, deltas, ("jawOpen", "browInnerUp", "mouthClose"))
     told = replace(alone, combinations={"mouthClose": ("jawOpen",)})
     np.testing.assert_array_equal(contact_sheet(alone, cell=60), contact_sheet(told, cell=60))
+
+
+def test_a_name_that_nobody_gave_costs_no_file(folder, capsys):
+    (folder / "there.png").write_text("mine")
+    write_rig(folder / "there.npz", sheet_rig())
+    assert main(["view", "there.npz"]) == 1
+    assert "there.png is there already; name the file to write, with -o there.png" in capsys.readouterr().err
+    assert (folder / "there.png").read_text() == "mine"
+    assert main(["view", "there.npz", "-o", "there.png"]) == 0
+    assert pixels("there.png").any()
+
+
+def test_a_sheet_has_the_form_of_a_screen_and_names_that_fit():
+    count = 140
+    rig = Rig(sheet_rig().mesh, np.zeros((count, len(sheet_rig().mesh.vertices), 3)), [f"s{k}" for k in range(count)])
+    height, width = contact_sheet(rig, cell=20).shape[:2]
+    assert 1.4 < width / height < 1.8
+    assert _halves("mouthFunnelLowerLeft") == ["mouthFunnel", "LowerLeft"]
+    assert _halves("visemeAA") == ["viseme", "AA"] and _halves("lift") == ["lift"]
+    assert _halves("brow_inner.L") == ["brow", "_inner.L"]
+    cell = np.zeros((288, 240, 3), np.uint8)
+    one, two = _letters(["mouthFunnelLowerLeft"], cell, 0.67), _letters(_halves("mouthFunnelLowerLeft"), cell, 0.67)
+    assert one < 15 and two >= 20
+    described = _described(cell.copy(), "mouthFunnelLowerLeft", 10.7)
+    assert not described[:, 170:].any() and described[215:235].any()  # a second line, and nothing beside it
+
+
+@pytest.mark.parametrize(("rate", "shown"), [(24, 24), (29.97, 29.97), (30.5, 30.5), (40, 20), (50, 25), (59.94, 29.97),
+                                             (60, 30), (120, 30), (240, 30)])  # fmt: skip
+def test_a_film_has_at_most_thirty_pictures_a_second_in_real_time(rate, shown):
+    animation = Animation(np.zeros((240, 1)), ("jawOpen",), rate)
+    film = thin_film(animation, (96, 54))
+    assert film.rate(animation) == pytest.approx(shown)
+    assert film.count(animation) / film.rate(animation) == pytest.approx(240 / rate, abs=1 / shown)
+    assert ("real time" in writes(Path("a.mp4"), film, animation)) == (film.every > 1)
 
 
 @pytest.mark.parametrize(("asked", "shown"), [(["--frame", "0"], 0.0), ([], 0.5)])

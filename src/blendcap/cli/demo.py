@@ -31,7 +31,7 @@ def demo(*, out: Path = Path("demo"), seed: int = 1) -> None:
     Parameters
     ----------
     out
-        The folder to write to; made if it is not there.
+        The folder to write to; made if it is not there, files of an earlier demo in it are replaced.
     seed
         Another seed is another performer, another speech and other noise.
     """

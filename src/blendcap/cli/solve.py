@@ -10,11 +10,12 @@ from cyclopts import Parameter
 
 import blendcap
 from blendcap.cli.answers import AsJson, print_json, print_lines
+from blendcap.cli.films import thin_film, writes
 from blendcap.cli.outputs import ANIMATIONS, PAGES, PICTURES, PLACES, VIDEOS, check_outputs
 from blendcap.cli.progress import Progress
 from blendcap.cli.solve_inputs import check_inputs
 
-PREVIEW_RATE, PREVIEW_SIZE = 30.0, (960, 540)
+PREVIEW_SIZE = (960, 540)
 PLACES_SIZE = (1920, 1080)  # room for the names of the markers
 
 if TYPE_CHECKING:
@@ -30,8 +31,8 @@ class Outputs:
     output: Annotated[tuple[Path, ...], Parameter(name=("--output", "-o"), negative=())]
     """The animation to write: .csv, .livelink.csv, .glb or .npz; repeat -o for several."""
     preview: Path | None = None
-    """A .mp4 or .gif of the answer with the markers on it, at most 30 frames a second; with --patches the markers alone
-    beside it."""
+    """A .mp4 or .gif of the answer with the markers on it, in real time; above 30 frames a second some are left out.
+    With --patches the markers alone beside it."""
     report: Path | None = None
     """A self-contained .html page: figures, plots, warnings; with --patches what they changed."""
     picture: Path | None = None
@@ -215,12 +216,11 @@ def write_answers(
 
 
 def _write_preview(path: Path, rig: Rig, solution: Solution, alone: Solution | None, progress: Progress) -> None:
-    """A video with at most 30 frames a second: what an eye needs in half the time."""
-    from blendcap.view import Film, write_comparison, write_preview
+    from blendcap.view import write_comparison, write_preview
 
     whole, (width, height) = solution.animation, PREVIEW_SIZE
-    film = Film(PREVIEW_SIZE, every=max(1, round(whole.rate / PREVIEW_RATE)))
-    with progress.step("preview", f"Write {path}", total=film.count(whole)) as tell:
+    film = thin_film(whole, PREVIEW_SIZE)
+    with progress.step("preview", writes(path, film, whole), total=film.count(whole)) as tell:
         if alone is not None:
             half = replace(film, size=(width // 2, height), yaws=(0.0,))
             write_comparison(path, rig, alone.animation, whole, half, progress=tell)

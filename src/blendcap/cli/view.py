@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 import blendcap
+from blendcap.cli.films import thin_film, writes
 from blendcap.cli.outputs import PICTURES, VIDEOS, check_outputs
 from blendcap.cli.progress import Progress
 
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
     from blendcap.data import Animation, Rig
     from blendcap.io.video import Video
 
-FILM_RATE, FILM_SIZE = 30.0, (960, 540)  # at most so many frames a second; pixels
+FILM_SIZE = (960, 540)
 FACE_SIZE = (486, 540)  # beside a film
 
 
@@ -39,8 +40,9 @@ def view(
     animation
         Weights over time. Other spellings of the rig's shapes are matched; shapes that it lacks are left out.
     output
-        .png: all shapes of the rig, or one frame of the animation. .mp4 or .gif: the animation. If not given, a file
-        in the folder where you are, named after the animation or the rig.
+        .png: all shapes of the rig, or one frame of the animation. .mp4 or .gif: the animation in real time; above 30
+        frames a second some are left out. If not given, a new file in the folder where you are, named after the
+        animation or the rig.
     video
         A film of the performance, shown beside the animated face.
     offset
@@ -51,6 +53,8 @@ def view(
     target = output or Path((animation or rig).stem + (".png" if animation is None or frame is not None else ".mp4"))
     check_outputs([target], PICTURES + (VIDEOS if animation is not None else ()), [video])
     _check_use(target, animation, video, offset, frame)
+    if output is None and target.exists():  # a name that nobody gave must not cost a file
+        raise blendcap.InputError(f"{target} is there already; name the file to write, with -o {target} to replace it.")
     progress = Progress()
     with progress.step("read", "Read the files"):
         the_rig = blendcap.read_rig(rig)
@@ -107,10 +111,10 @@ def _write_film(
     path: Path, rig: Rig, animation: Animation, video: Video | None, offset: float, progress: Progress
 ) -> None:
     """The animation by itself, or beside the film of the performance."""
-    from blendcap.view import Film, write_beside_film, write_preview
+    from blendcap.view import write_beside_film, write_preview
 
-    film = Film(FILM_SIZE, title=rig.name, every=max(1, round(animation.rate / FILM_RATE)))
-    with progress.step("film", f"Write {path}", total=film.count(animation)) as tell:
+    film = thin_film(animation, FILM_SIZE, title=rig.name)
+    with progress.step("film", writes(path, film, animation), total=film.count(animation)) as tell:
         if video is None:
             write_preview(path, rig, animation, film, progress=tell)
         else:
