@@ -525,6 +525,12 @@ def test_info_of_a_marker_that_is_never_seen_and_of_weights_that_are_unknown(fol
     assert "33.3 % of the samples" in said and re.search(r"seconds +0\.6667", said)
 
 
+@pytest.mark.parametrize("command", ["solve", "facs train", "facs predict", "rig build", "rig convert", "view", "info"])
+def test_no_help_shows_an_empty_default(capsys, command):
+    assert main([*command.split(), "--help"]) == 0
+    assert "()" not in capsys.readouterr().out
+
+
 def test_the_help_of_solve_names_the_defaults(capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "400")
     assert main(["solve", "--help"]) == 0

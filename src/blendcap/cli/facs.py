@@ -27,7 +27,7 @@ MODELS, CURVES, VIDEOS = (".npz",), (".csv", ".npz"), (".mp4",)
 DOT = 0.011  # radius of a marker's dot that is taken off the paint, of the picture's height
 
 facs = App(name="facs", help="Action units from makeup patches in head-camera video.")
-Many = Annotated[tuple[Path, ...], Parameter(negative=())]
+Many = Annotated[tuple[Path, ...], Parameter(negative=(), show_default=False)]
 
 
 @Parameter(name="*")
@@ -41,7 +41,7 @@ class Footage:
     """A rig with the 68 landmarks; the markers lay it over the face."""
     correspondences: Path | None = None
     """A .json that says where each marker sits; found if not given."""
-    stable: Annotated[tuple[str, ...], Parameter(negative=())] = ()
+    stable: Annotated[tuple[str, ...], Parameter(negative=(), show_default=False)] = ()
     """A marker that does not move with the face, by name; repeat it for at least three. Found if not given."""
     threshold: float | None = None
     """How much brighter than the skin around it paint is, in multiples of the patch's median. Found if not given."""
