@@ -448,6 +448,16 @@ def test_evaluate_of_the_truth_is_without_error(folder, capsys):
     assert answer["vertex_rmse_mm"] == 0 and answer["weight_mae"] == 0 and answer["roughness_ratio"] == 1
 
 
+@pytest.mark.parametrize(("share", "said"), [(0.1, "0.2: of the difference between left and right is lost"),
+                                             (-0.1, "-0.2: the sides differ more than they did")])  # fmt: skip
+def test_evaluate_says_what_the_leak_is(folder, rig, truth, capsys, share, said):
+    blendcap.write_rig(folder / "rig.glb", replace(rig, mirror=[1, 0, 2]))
+    mixed = (1 - share) * truth.weights + share * truth.weights[:, [1, 0, 2]]
+    blendcap.write_animation(folder / "mixed.csv", replace(truth, weights=mixed))
+    assert main(["evaluate", "mixed.csv", "truth.csv", "--rig", "rig.glb"]) == 0
+    assert re.search(rf"leak +{said}\n", capsys.readouterr().out)
+
+
 def test_info_says_what_a_rig_a_take_and_an_animation_hold(folder, capsys):
     answers = []
     for name in ("rig.glb", "take.c3d", "truth.csv"):

@@ -128,7 +128,7 @@ def test_leak_is_the_share_that_goes_to_the_other_side(rig, truth):
 
         return evaluate(changed(truth, rig, change), truth, rig).leak
 
-    assert [mix(s) for s in (0, 0.1, 0.5, 1)] == pytest.approx([0, 0.2, 1, 2])
+    assert [mix(s) for s in (-0.1, 0, 0.1, 0.5, 1)] == pytest.approx([-0.2, 0, 0.2, 1, 2])
 
 
 def test_roughness_and_sparsity(rig, truth):

@@ -248,7 +248,8 @@ def test_a_bare_solution_makes_a_report_too(rig, solution, tmp_path):
 def test_concerns_point_at_what_is_wrong(rig, solution, binding):
     said = "\n".join(concerns(rig, solution, binding))
     assert "found automatically" in said
-    assert "cannot tell 1 of the shapes" in said
+    assert "cannot tell 1 of the shapes, which follow their partner or are a guess; those that move the face" in said
+    assert f"come first: {NASTY} (not at all)." in said
     assert re.search(r"Marker m3 is off by \d\.\d mm (all the time|from )", said)
     assert "Often missing, in so many of the frames: m1 (62%)." in said
     assert "mouthLeft and mouthRight undo each other" in said
@@ -256,6 +257,26 @@ def test_concerns_point_at_what_is_wrong(rig, solution, binding):
     assert "did not reach its optimum" not in said
     failed = replace(solution, certificate=replace(solution.certificate, converged=False))
     assert "did not reach its optimum" in concerns(rig, failed)[0]
+
+
+def test_of_unseen_shapes_blinks_are_said_first_and_then_those_that_move_most(solution):
+    names = ("eyeBlinkLeft", "a", "EyeBlink_R", "b", "c", "d", "e", "f")
+    deltas = np.zeros((len(names), 3, 3), dtype=np.float32)
+    deltas[:, 0, 0] = [1, 2, 1, 5, -4, 3, 1, 0.5]
+    bounds = np.tile([0.0, 1.0], (len(names), 1))
+    bounds[1] = [-10, 1]  # moves most of all, downwards
+    rig = Rig(Mesh(np.eye(3), [[0, 1, 2]]), deltas, names, bounds=bounds)
+    unseen = dict.fromkeys(names, 0.5)
+    solution = replace(solution, animation=Animation(np.zeros((FRAMES, len(names))), names, 30.0), unseen=unseen)
+    said = [s for s in concerns(rig, replace(solution, held=("e", "eyeBlinkLeft", "b"))) if "cannot tell" in s]
+    assert said[0].startswith(
+        "The markers cannot tell the blinks, which are partly a guess: eyeBlinkLeft (±0.50), EyeB"
+    )
+    assert "cannot tell 2 more of the shapes, which are held" in said[1] and "first: b (±0.50), e (±0.50)." in said[1]
+    assert "come first: a (±0.50), c (±0.50), d (±0.50), f (±0.50)." in said[2]
+    said = [s for s in concerns(rig, replace(solution, held=names)) if "cannot tell" in s]
+    assert "the blinks, which are held at rest" in said[0] and "6 more of the shapes" in said[1] and len(said) == 2
+    assert said[1].endswith("a (±0.50), b (±0.50), c (±0.50), d (±0.50) and 2 more.")
 
 
 def test_markers_that_were_exchanged_are_named_with_each_other(rig, solution, binding):

@@ -47,7 +47,8 @@ class Metrics:
     lid_gap_error_mm, lip_gap_error_mm : float
         Mean absolute error of the opening of lids and lips.
     leak : float
-        Part of the true difference between left and right that the answer spreads to the other side; 0 is right.
+        Part of the true difference between left and right that the answer lacks, as it gave it to both sides; 0 is
+        right, below 0 the sides differ more than they did.
     """
 
     frames: int

@@ -25,4 +25,15 @@ def evaluate(answer: Path, truth: Path, /, *, rig: Path, as_json: AsJson = False
     from blendcap.metrics import evaluate as measure
 
     metrics = measure(read_animation(answer), read_animation(truth), read_rig(rig)).as_dict()
-    (print_json if as_json else print_lines)(metrics)
+    if as_json:
+        print_json(metrics)
+    else:
+        print_lines(metrics | {"leak": _explained(metrics["leak"])})
+
+
+def _explained(leak: float | None) -> str | None:
+    """The leak between the sides, and what its sign says."""
+    if leak is None:
+        return None
+    below = "the sides differ more than they did" if leak < 0 else "of the difference between left and right is lost"
+    return f"{leak:.4g}: {below}"

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from blendcap.data import Binding, Rig, Solution
-from blendcap.data.names import listed
+from blendcap.data.names import canonical, listed
 from blendcap.view.plots import marker_errors
 from blendcap.view.posing import weights_on
 
@@ -16,7 +16,8 @@ FAR = 1.0  # mm
 ELSEWHERE = 15.0, 5.0  # mm, and times the usual distance, of a neutral marker from its place: it belongs elsewhere
 AROUND = 0.5  # seconds over which a marker's error is averaged before it is judged
 MOST = 6  # bad markers to name; the table has them all
-NAMED = 12  # shapes that nobody sees; the table has them all
+NAMED = 4  # shapes that nobody sees; the table has them all
+BLINKS = ("eyeBlinkLeft", "eyeBlinkRight")
 MISFIT = 3.0  # mm, of all markers and frames: more than another's face explains
 APART = 0.3  # of a weight: patches and markers disagree
 TOGETHER = 0.25  # weight above which a shape counts in that
@@ -27,7 +28,7 @@ def concerns(rig: Rig, solution: Solution, binding: Binding | None = None) -> li
     return [
         *_trouble_of_the_solve(solution, binding),
         *_misplaced(rig, binding),
-        *_unseen(solution),
+        *_unseen(rig, solution),
         *_bad_markers(solution),
         *_conflicts(rig, solution),
         *_disagreement(solution),
@@ -75,18 +76,30 @@ def _misplaced(rig: Rig, binding: Binding | None) -> list[str]:
     return said
 
 
-def _unseen(solution: Solution) -> list[str]:
-    if not solution.unseen:
-        return []
+def _unseen(rig: Rig, solution: Solution) -> list[str]:
+    """What the markers cannot tell: blinks first, as everybody sees them, then of the others those that move most."""
+    blinks = [name for name in solution.unseen if canonical(name) in BLINKS]
     said = []
-    for names, what in (
-        (solution.held, "are held at rest"),
-        ([n for n in solution.unseen if n not in solution.held], "follow their partner or are a guess"),
-    ):
+    if blinks:
+        still = "are held at rest" if set(blinks) <= set(solution.held) else "are partly a guess"
+        said.append(
+            f"The markers cannot tell the blinks, which {still}: {_seen_so(solution, blinks)}. Put markers on the "
+            "upper lids, or give makeup patches."
+        )
+    motion = np.linalg.norm(rig.deltas, axis=2).max(1, initial=0) * np.abs(rig.bounds).max(1, initial=0)
+    others = sorted(set(solution.unseen) - set(blinks), key=lambda name: (-motion[rig.index(name)], name))
+    for held, what in ((True, "are held at rest"), (False, "follow their partner or are a guess")):
+        names = [name for name in others if (name in solution.held) == held]
         if names:
-            told = [f"{name} ({sight(solution.unseen[name])})" for name in names]
-            said.append(f"These markers cannot tell {len(names)} of the shapes, which {what}: {listed(told, NAMED)}.")
+            said.append(
+                f"The markers cannot tell {len(names)} {'more ' if blinks else ''}of the shapes, which {what}; those "
+                f"that move the face most come first: {_seen_so(solution, names)}."
+            )
     return said
+
+
+def _seen_so(solution: Solution, names: list[str]) -> str:
+    return listed([f"{name} ({sight(solution.unseen[name])})" for name in names], NAMED)
 
 
 def sight(error: float) -> str:
