@@ -514,9 +514,24 @@ def test_info_says_which_markers_have_gaps_and_in_which_unit_the_file_is(folder,
         assert answer["missing_of_marker"] == {"m27": 0.25, "m63": 0.025}
     assert main(["info", "none.c3d"]) == 0
     said = capsys.readouterr().out
-    assert "the file says none; solve it with --unit" in said and "2: m27 25%, m63 2.5%" in said
+    assert "the file says none; give --unit here and to solve" in said and "2: m27 25%, m63 2.5%" in said
     assert main(["solve", "none.c3d", *SOLVE[2:]]) == 1
     assert "none.c3d does not say the unit of its lengths; say the unit yourself: mm, cm" in capsys.readouterr().err
+
+
+def test_info_takes_another_unit_than_that_of_the_file(folder, rig, capsys):
+    blendcap.write_mesh(folder / "face.obj", rig.mesh)
+    for name, scale in (("rig.glb", 1 / 100), ("face.obj", 10), ("take.c3d", 10)):
+        assert main(["info", name, "--json"]) == 0
+        stated = json.loads(capsys.readouterr().out)
+        assert main(["info", name, "--unit", "cm", "--json"]) == 0
+        given = json.loads(capsys.readouterr().out)
+        np.testing.assert_allclose(given["size"], np.multiply(scale, stated["size"]), rtol=1e-3, atol=1e-3)
+        assert given["unit"] == "mm"
+    assert main(["info", "take.c3d", "--unit", "cm"]) == 0
+    assert "cm, as you say; the file says mm" in capsys.readouterr().out
+    assert main(["info", "truth.csv", "--unit", "cm"]) == 1
+    assert "truth.csv holds no lengths that --unit" in capsys.readouterr().err
 
 
 def test_info_of_a_marker_that_is_never_seen_and_of_weights_that_are_unknown(folder, capsys):
@@ -600,7 +615,7 @@ def test_the_version_and_the_help(capsys):
 
 
 def test_what_nobody_foresaw_is_still_one_sentence(folder, capsys, monkeypatch):
-    def broken(path):
+    def broken(path, unit):
         raise RuntimeError("first line\nsecond line")
 
     monkeypatch.setattr("blendcap.io.describe", broken)
@@ -612,7 +627,7 @@ def test_what_nobody_foresaw_is_still_one_sentence(folder, capsys, monkeypatch):
 
 
 def test_an_interrupt_is_clean(folder, capsys, monkeypatch):
-    def interrupted(path):
+    def interrupted(path, unit):
         raise KeyboardInterrupt
 
     monkeypatch.setattr("blendcap.io.describe", interrupted)
@@ -667,3 +682,28 @@ def test_rig_convert_gives_a_rig_its_landmarks(folder, rig, capsys):
     (folder / "landmarks68.json").write_text('{"30": 99999999}')
     assert main(["rig", "convert", "rig.glb", "other.glb", "--points", "landmarks68.json"]) == 1
     assert "vertex 99999999" in capsys.readouterr().err and not (folder / "other.glb").exists()
+
+
+def test_rig_convert_takes_another_unit_than_that_of_the_file(folder, rig, capsys):
+    blendcap.write_rig(
+        "large.glb", replace(rig, mesh=rig.mesh.with_vertices(100 * rig.mesh.vertices), deltas=100 * rig.deltas)
+    )
+    assert main(["info", "large.glb"]) == 0
+    assert "no head: it may be in another unit: say which by unit= or --unit" in capsys.readouterr().err
+    assert main(["rig", "convert", "large.glb", "mended.npz", "--unit", "cm"]) == 0
+    assert not capsys.readouterr().err
+    back = blendcap.read_rig("mended.npz")
+    np.testing.assert_allclose(back.mesh.vertices, rig.mesh.vertices, atol=1e-3)
+    np.testing.assert_allclose(back.deltas, rig.deltas, atol=1e-3)
+    np.testing.assert_allclose(blendcap.read_rig("mended.npz", "in").deltas, 25.4 * rig.deltas, atol=1e-2)
+
+
+def test_rig_convert_keeps_what_live_link_face_can_hold(folder, rig, capsys):
+    names = ("browInnerUp_L", "visemeAA", "browInnerUp_R", "jawOpen")
+    blendcap.write_rig("many.npz", Rig(rig.mesh, rig.deltas[[0, 2, 1, 2]], names))
+    assert main(["rig", "convert", "many.npz", "few.npz", "--shapes", "arkit"]) == 0
+    few = blendcap.read_rig("few.npz")
+    assert few.names == ("browInnerUp_L", "browInnerUp_R", "jawOpen")
+    np.testing.assert_array_equal(few.deltas, rig.deltas[[0, 1, 2]])
+    assert main(["rig", "convert", "rig.glb", "none.npz", "--shapes", "arkit"]) == 1
+    assert "has none of the 52 shapes of ARKit, but bumpLeft, bumpRight, lift; keep all" in capsys.readouterr().err

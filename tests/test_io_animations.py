@@ -151,6 +151,10 @@ def test_live_link_leaves_out_what_it_has_no_column_for(tmp_path, caplog):
     with caplog.at_level(logging.WARNING):
         write_animation(tmp_path / "a.livelink.csv", animation(("jawOpen", "eyeBlink_R", "wrinkle")))
     assert "wrinkle" in caplog.text
+    assert "can hold ARKit's 52 shapes and no others" in caplog.text and "--shapes arkit" in caplog.text
+    caplog.clear()
+    write_animation(tmp_path / "b.livelink.csv", animation(("jawOpen", "eyeBlink_R", "headYaw")))
+    assert not caplog.records
     back = read_animation(tmp_path / "a.livelink.csv")
     np.testing.assert_allclose(
         back.select(["eyeBlinkRight"]).weights[:, 0], animation(("a", "b", "c")).weights[:, 1], rtol=1e-8

@@ -6,7 +6,16 @@ import numpy as np
 import pytest
 
 from blendcap.data import Animation, InputError
-from blendcap.data.names import ARKIT52, HEAD_AND_EYES, canonical, in_vocabulary, match, mirror_map, mirror_name
+from blendcap.data.names import (
+    ARKIT52,
+    HEAD_AND_EYES,
+    canonical,
+    in_vocabulary,
+    match,
+    mirror_map,
+    mirror_name,
+    without_place,
+)
 
 
 @pytest.mark.parametrize(
@@ -69,6 +78,17 @@ def test_halves_and_wholes_are_carried_both_ways():
     np.testing.assert_allclose(again.weights, [[0.4, 0.8]])
     with pytest.raises(InputError, match="None of the shapes"):
         in_vocabulary(whole, ("tail",))
+
+
+def test_what_finds_no_place_is_told_the_strongest_first(caplog):
+    names = ("tail", "jawOpen", "horn", "still", "gap")
+    weights = np.array([[0.2, 1, 0, 5e-5, np.nan], [0.1, 1, -0.9, 0, np.nan]])
+    animation = Animation(weights, names, 30)
+    assert without_place(animation, ("jawOpen",)) == ["horn", "tail"] and not without_place(animation, names)
+    in_vocabulary(animation, ("jawOpen",))
+    assert "2 of 5 shapes move, but find no place and are left out, the strongest first: horn, tail." in caplog.text
+    with pytest.raises(InputError, match="moves the shape 'horn'"):
+        in_vocabulary(animation, ("jawOpen",), partial=False)
 
 
 def test_a_rig_with_wholes_and_halves_moves_once():

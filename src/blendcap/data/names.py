@@ -107,7 +107,7 @@ def in_vocabulary(animation: Animation, names: Sequence[str], *, partial: bool =
 
     Spellings are matched. A whole that has no place moves both its halves, halves that have none move the whole by
     their mean, and what comes together adds up. Shapes that nothing drives are left out, and shapes that find no place
-    are named in a warning, or refused unless `partial` (angles of the head and the eyes never are).
+    (`without_place`) are named in a warning, or refused unless `partial` (angles of the head and the eyes never are).
 
     Raises
     ------
@@ -118,8 +118,7 @@ def in_vocabulary(animation: Animation, names: Sequence[str], *, partial: bool =
     driven, used = shares.any(0), shares.any(1)
     if not driven.any():
         raise InputError(f"None of the shapes {', '.join(animation.names[:4])} ... is among {', '.join(names[:4])} ...")
-    moving = (np.abs(animation.weights) > STILL).any(0)
-    lost = [animation.names[i] for i in np.flatnonzero(moving & ~used)]
+    lost = _strongest(animation, ~used)
     if not partial and set(lost) - set(HEAD_AND_EYES):
         name = next(name for name in lost if name not in HEAD_AND_EYES)
         raise InputError(
@@ -127,7 +126,10 @@ def in_vocabulary(animation: Animation, names: Sequence[str], *, partial: bool =
             "--partial (partial=True) to leave such shapes out."
         )
     if lost:
-        _log.warning("%d shapes that move find no place and are left out: %s.", len(lost), listed(lost))
+        _log.warning(
+            "%d of %d shapes move, but find no place and are left out, the strongest first: %s.",
+            len(lost), len(animation.names), listed(lost),
+        )  # fmt: skip
     shares = shares[:, driven]
     means = shares / shares.sum(0)
     return replace(
@@ -136,6 +138,17 @@ def in_vocabulary(animation: Animation, names: Sequence[str], *, partial: bool =
         names=tuple(names[i] for i in np.flatnonzero(driven).tolist()),
         confidence=None if animation.confidence is None else _mixed(animation.confidence, means),
     )
+
+
+def without_place(animation: Animation, names: Sequence[str]) -> list[str]:
+    """The shapes of an animation that move, but drive none of `names`; the strongest first."""
+    return _strongest(animation, ~_shares(animation.names, names).any(1))
+
+
+def _strongest(animation: Animation, among: np.ndarray) -> list[str]:
+    """The shapes `among` (N,) bool that move, by their largest weight."""
+    largest = np.nan_to_num(np.abs(animation.weights)).max(0, initial=0)
+    return [animation.names[i] for i in np.argsort(-largest, kind="stable") if among[i] and largest[i] > STILL]
 
 
 def listed(names: Sequence[str], most: int = 6) -> str:

@@ -10,7 +10,7 @@ import re
 import numpy as np
 
 from blendcap.data import Animation, InputError
-from blendcap.data.names import ARKIT52, HEAD_AND_EYES, in_vocabulary, match
+from blendcap.data.names import ARKIT52, HEAD_AND_EYES, in_vocabulary, match, without_place
 from blendcap.io.rates import rate_of_times
 from blendcap.io.tables import Table, write_table
 
@@ -53,11 +53,17 @@ def write_live_link(path: str | os.PathLike, animation: Animation) -> None:
 
     The timecode starts at the animation's own if it has one, else at 00:00:00, and counts 60 frames a second. Other
     spellings are matched, halves move their whole, and shapes that are not among the 52 are left out with a warning; at
-    least one must be among them.
+    least one must be among them. What the others did is lost: solve on `rig.select` of the 52 to have them tell it.
     """
     columns = (*ARKIT52, *HEAD_AND_EYES)
     if not match(ARKIT52, animation.names):
         raise InputError(f"Cannot write {path}: none of the animation's shapes is one of the 52 ARKit shapes.")
+    if without_place(animation, columns):
+        _log.warning(
+            "%s can hold ARKit's 52 shapes and no others. To let those tell the motion, solve on a rig of them: "
+            "blendcap rig convert RIG arkit.glb --shapes arkit. A .csv, .npz or .glb holds every shape.",
+            path,
+        )
     animation = in_vocabulary(animation, columns)
     values = [_column(animation, name) for name in columns]
     start = _seconds(animation.meta.get("timecode", "00:00:00:00"), _WRITTEN, "The animation's timecode")
