@@ -67,9 +67,17 @@ def test_another_unit_is_converted_and_said(folder, capsys, unit, word):
     scan = masks.scan(**OTHER)
     blendcap.write_mesh(folder / "scan.obj", scan.with_vertices(scan.vertices / unit))
     assert main(BUILD) == 0
-    assert re.search(word, capsys.readouterr().out)
+    said = capsys.readouterr().out
+    assert re.search(word, said) and re.search(rf"unit mm +{unit if unit != 50 else '4[0-9]'}", said.replace(",", ""))
     size = np.ptp(blendcap.read_rig(folder / "actor.npz").mesh.vertices[:, 0])
     assert size == pytest.approx(2 * 78, rel=0.05 if unit != 50 else 0.15)
+
+
+def test_the_unit_that_a_file_states_is_what_is_said(folder, capsys):
+    blendcap.write_mesh(folder / "scan.glb", masks.scan(**OTHER))
+    assert main([*BUILD[:2], "scan.glb", *BUILD[3:], "--json"]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert facts["unit_mm"] == 1000 and not any("taken to be" in note for note in facts["notes"])
 
 
 def test_a_unit_guessed_wrongly_is_mended_by_the_face(folder, capsys):

@@ -3,38 +3,44 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from blendcap.cli.answers import AsJson, print_json, print_lines
 
 ALL = 10_000  # names to print
 
 
-def info(file: Path, /, *, as_json: AsJson = False) -> None:
+def info(
+    file: Path, /, *, unit: Literal["mm", "cm", "dm", "m", "in", "ft"] | None = None, as_json: AsJson = False
+) -> None:
     """Say what a file holds.
 
     Parameters
     ----------
     file
         A rig, a mesh, a marker take, an animation, a video, cameras, places of markers, or a trained model.
+    unit
+        The unit of a rig, a mesh or a take, in place of the one that the file states.
     as_json
         Print the answer as JSON.
     """
     from blendcap.io import describe
 
-    facts = describe(file)
+    facts = describe(file, unit)
     if as_json:
         print_json(facts)
     else:
-        print_lines(_for_people(facts), most=ALL)
+        print_lines(_for_people(facts, unit), most=ALL)
 
 
-def _for_people(facts: dict[str, Any]) -> dict[str, Any]:
+def _for_people(facts: dict[str, Any], given: str | None) -> dict[str, Any]:
     """The facts as people read them: sizes with their unit, gaps in words, long lists last."""
     said = dict(facts)
     if facts["kind"] == "markers":
         unit = said.pop("file_unit")
-        said["unit"] = f"{unit}, as the file says" if unit else "the file says none; solve it with --unit"
+        said["unit"] = f"{unit}, as the file says" if unit else "the file says none; give --unit here and to solve"
+        if given is not None:
+            said["unit"] = f"{given}, as you say; the file says {unit or 'none'}"
         gaps = said.pop("missing_of_marker")
         said["have gaps"] = [f"{name} {100 * share:.3g}%" for name, share in gaps.items()]
     if "missing" in facts:

@@ -66,6 +66,7 @@ def build(
     """
     from blendcap.cli.rig_examples import example_files, read_examples, read_scan, refined
     from blendcap.io import read_rig
+    from blendcap.io.units import millimetres
 
     check_outputs([output], RIGS, [scan, template])
     check_outputs([report], PAGES)
@@ -84,7 +85,10 @@ def build(
         built = replace(built, rig=refined(built.rig, given, sized.unit_mm / ready.unit_mm, progress))
     later = sized.notes[len(ready.notes) :]
     wrote = _write(output, report, built, base, [*notes, *later], progress)
-    facts = _facts(built, base, sized.unit_mm) | {"seconds": progress.seconds, "wrote": wrote}
+    facts = _facts(built, base, millimetres(stated or "mm", str(scan)) * sized.unit_mm) | {
+        "seconds": progress.seconds,
+        "wrote": wrote,
+    }
     if as_json:
         print_json({"notes": [*notes, *later], **facts})
     else:

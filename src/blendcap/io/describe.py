@@ -28,22 +28,25 @@ FILMS = (".mp4", ".mov", ".m4v", ".mkv", ".avi", ".webm", ".gif")
 Record = Rig | Mesh | MarkerTake | Animation
 
 
-def read_any(path: str | os.PathLike) -> Record:
-    """The record that a file holds, whatever it is: a rig, a mesh, markers or an animation."""
+def read_any(path: str | os.PathLike, unit: str | None = None) -> Record:
+    """The record that a file holds, whatever it is: a rig, a mesh, markers or an animation.
+
+    `unit` is its unit of length, in place of what the file states.
+    """
     path = Path(path)
     if path.is_dir():
-        return formats.read_rig(path)
+        return formats.read_rig(path, unit)
     kind = existing_file(path).suffix.lower()
     if kind == ".csv":
-        return _table_record(path)
+        return _table_record(path, unit)
     if kind == ".npz":
-        return formats.read_animation(path) if "weights" in npz_names(path) else formats.read_rig(path)
+        return formats.read_animation(path) if "weights" in npz_names(path) else formats.read_rig(path, unit)
     if kind in formats.GLTF:
-        return formats.read_rig(path) if _has_targets(path) else formats.read_mesh(path)
+        return (formats.read_rig if _has_targets(path) else formats.read_mesh)(path, unit)
     if kind in formats.READ["markers"]:
-        return formats.read_markers(path)
+        return formats.read_markers(path, unit)
     if kind in formats.READ["mesh"]:
-        return formats.read_mesh(path)
+        return formats.read_mesh(path, unit)
     known = "; ".join(f"{record} {', '.join(endings)}" for record, endings in formats.READ.items())
     raise InputError(
         f"{path} has an ending that is not known: {known}; video {', '.join(FILMS)}; cameras and places .json. "
@@ -51,16 +54,29 @@ def read_any(path: str | os.PathLike) -> Record:
     )
 
 
-def describe(path: str | os.PathLike) -> dict[str, Any]:
+def describe(path: str | os.PathLike, unit: str | None = None) -> dict[str, Any]:
     """What a file holds, ready for JSON.
 
     `kind` is rig, mesh, markers, animation, video, cameras, points, places or model.
 
+    Parameters
+    ----------
+    path : path
+    unit : str, optional
+        Unit of length of a rig, a mesh or markers, in place of what the file states.
+
     Raises
     ------
     InputError
-        If there is no such file, it is broken, or none of these.
+        If there is no such file, it is broken, none of these, or has no lengths that a unit could be given for.
     """
+    facts = _facts(path, unit)
+    if unit is not None and facts["kind"] not in ("rig", "mesh", "markers"):
+        raise InputError(f"{path} holds no lengths that --unit (unit=) could change; leave it out.")
+    return facts
+
+
+def _facts(path: str | os.PathLike, unit: str | None) -> dict[str, Any]:
     kind = Path(path).suffix.lower()
     if kind in FILMS:
         return _film(path)
@@ -69,8 +85,8 @@ def describe(path: str | os.PathLike) -> dict[str, Any]:
     if kind == ".npz" and (model := _model(path)):
         return model
     if kind in formats.MARKERS and (kind != ".csv" or _holds_markers(path)):
-        return _take(path)
-    record = read_any(path)
+        return _take(path, unit)
+    record = read_any(path, unit)
     if isinstance(record, Rig):
         return {"kind": "rig", "name": record.name, "shapes": list(record.names), "points": {k: len(v.names) for k, v in
                 record.points.items()}, "regions": sorted(record.regions), "contacts": sorted(record.contacts),
@@ -90,11 +106,11 @@ def _holds_markers(path: str | os.PathLike) -> bool:
         return not is_live_link(table) and is_marker_table(table)
 
 
-def _take(path: str | os.PathLike) -> dict[str, Any]:
-    """A marker take; `size` is what its first frames span, in mm if the file says its unit, else in the file's own."""
+def _take(path: str | os.PathLike, unit: str | None) -> dict[str, Any]:
+    """A marker take; `size` is what its first frames span, in mm if its unit is known, else in the file's own."""
     stated = formats.unit_of_markers(path)
-    known = is_unit(stated)
-    take = formats.read_markers(path, None if known else "mm")
+    known = unit is not None or is_unit(stated)
+    take = formats.read_markers(path, unit if known else "mm")
     seen = take.positions[:FIRST][np.isfinite(take.positions[:FIRST]).all(2)]
     lost = take.missing.mean(0)
     gaps = {take.names[m]: float(lost[m]) for m in np.argsort(-lost, kind="stable") if lost[m] > 0}
@@ -147,9 +163,9 @@ def _has_targets(path: Path) -> bool:
         return any(primitive.get("targets") for mesh in meshes for primitive in mesh["primitives"])
 
 
-def _table_record(path: Path) -> MarkerTake | Animation:
+def _table_record(path: Path, unit: str | None) -> MarkerTake | Animation:
     with reading(path, "CSV file"):
         table = read_table(path)
         if is_live_link(table):
             return animation_of_live_link(table)
-        return take_of_table(table) if is_marker_table(table) else animation_of_table(table)
+        return take_of_table(table, unit) if is_marker_table(table) else animation_of_table(table)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 from blendcap.data import Animation, InputError, MarkerTake, Mesh, Rig
@@ -84,28 +85,36 @@ def read_rig(path: str | os.PathLike, unit: str | None = None) -> Rig:
     ----------
     path : path
     unit : str, optional
-        Unit of length of a folder of OBJ files: mm if not given. The ICT-FaceKit folder is known to be in cm.
+        Unit of length, in place of what is known of the file: glTF is in metres, ICT-FaceKit in cm, the rest in mm.
 
     Returns
     -------
     rig : Rig
-        In mm, with the normal maps that lie beside a .glb.
+        In mm, with the normal maps that lie beside a .glb. A size that no head has brings a warning, unless the unit is
+        given.
 
     Raises
     ------
     InputError
         If there is no such file or folder, it is broken, has no shapes, or its shapes do not share their vertices.
     """
-    if Path(path).is_dir():
-        if (Path(path) / NEUTRAL).exists():
-            return read_ict_folder(path)
-        rig = read_obj_folder(path, millimetres(unit or "mm", str(path)))
+    rig, known_mm = _rig_and_unit(path)
+    if unit is None:
         warn_if_not_a_head(rig.mesh.vertices, str(path))
         return rig
+    scale = millimetres(unit, str(path)) / known_mm
+    return replace(rig, mesh=rig.mesh.with_vertices(scale * rig.mesh.vertices), deltas=scale * rig.deltas)
+
+
+def _rig_and_unit(path: str | os.PathLike) -> tuple[Rig, float]:
+    """A rig in mm, and the mm that one unit of its file was taken for."""
+    if Path(path).is_dir():
+        ict = (Path(path) / NEUTRAL).exists()
+        return (read_ict_folder(path), 10.0) if ict else (read_obj_folder(path), 1.0)
     kind = _reading(path, "rig", "a folder of OBJ files")
     if kind != ".npz":
-        return with_normal_maps(path, read_glb_rig(path))
-    return read_ict_pack(path) if "expression_deltas" in npz_names(path) else read_rig_npz(path)
+        return with_normal_maps(path, read_glb_rig(path)), 1000.0
+    return (read_ict_pack(path), 10.0) if "expression_deltas" in npz_names(path) else (read_rig_npz(path), 1.0)
 
 
 def read_markers(path: str | os.PathLike, unit: str | None = None) -> MarkerTake:

@@ -15,8 +15,8 @@ from blendcap.io.opening import reading
 _NEUTRAL = ("neutral", "basis", "base", "rest", "default")
 
 
-def read_obj_folder(path: str | os.PathLike, unit_mm: float = 1.0) -> Rig:
-    """A rig from a folder with `neutral.obj` and one OBJ a shape, named after the shape.
+def read_obj_folder(path: str | os.PathLike) -> Rig:
+    """A rig from a folder with `neutral.obj` and one OBJ a shape, named after the shape; its numbers count as mm.
 
     The neutral may also be called basis, base, rest or default, or have `neutral` in its name. Every file needs the
     vertices and faces of the neutral in the same order.
@@ -26,7 +26,7 @@ def read_obj_folder(path: str | os.PathLike, unit_mm: float = 1.0) -> Rig:
     if not files:
         raise InputError(f"{path} is a folder without .obj files; put neutral.obj and one .obj a shape there.")
     neutral = _neutral(path, files)
-    mesh, deltas = read_shapes(neutral, [f for f in files if f != neutral], unit_mm)
+    mesh, deltas = read_shapes(neutral, [f for f in files if f != neutral], 1.0)
     names = tuple(f.stem for f in files if f != neutral)
     with reading(path, "folder"):
         return Rig(mesh, deltas, names, mirror=mirror_map(names), name=path.name)

@@ -48,4 +48,8 @@ def warn_if_not_a_head(vertices: np.ndarray, where: str) -> None:
     """Warn if a mesh from a file without a unit cannot be a head in millimetres."""
     size = float(np.ptp(vertices, axis=0).max()) if len(vertices) else 0.0
     if not 50 <= size <= 3000:
-        _log.warning("%s is %.3g mm large, which is no head: it may be in another unit; say which.", where, size)
+        _log.warning(
+            "%s is %.3g mm large, which is no head: it may be in another unit: say which by unit= or --unit.",
+            where,
+            size,
+        )
