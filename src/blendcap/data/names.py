@@ -115,10 +115,10 @@ def in_vocabulary(animation: Animation, names: Sequence[str], *, partial: bool =
         If no shape finds a place, or one that moves does not and `partial` is false.
     """
     shares = _shares(animation.names, names)
-    driven, used = shares.any(0), shares.any(1)
+    driven = shares.any(0)
     if not driven.any():
         raise InputError(f"None of the shapes {', '.join(animation.names[:4])} ... is among {', '.join(names[:4])} ...")
-    lost = _strongest(animation, ~used)
+    lost = _unplaced(animation, shares)
     if not partial and set(lost) - set(HEAD_AND_EYES):
         name = next(name for name in lost if name not in HEAD_AND_EYES)
         raise InputError(
@@ -142,13 +142,14 @@ def in_vocabulary(animation: Animation, names: Sequence[str], *, partial: bool =
 
 def without_place(animation: Animation, names: Sequence[str]) -> list[str]:
     """The shapes of an animation that move, but drive none of `names`; the strongest first."""
-    return _strongest(animation, ~_shares(animation.names, names).any(1))
+    return _unplaced(animation, _shares(animation.names, names))
 
 
-def _strongest(animation: Animation, among: np.ndarray) -> list[str]:
-    """The shapes `among` (N,) bool that move, by their largest weight."""
+def _unplaced(animation: Animation, shares: np.ndarray) -> list[str]:
+    """The shapes that move and have no share (N, M) of a target, by their largest weight."""
+    used = shares.sum(1) > 0
     largest = np.nan_to_num(np.abs(animation.weights)).max(0, initial=0)
-    return [animation.names[i] for i in np.argsort(-largest, kind="stable") if among[i] and largest[i] > STILL]
+    return [animation.names[i] for i in np.argsort(-largest, kind="stable") if not used[i] and largest[i] > STILL]
 
 
 def listed(names: Sequence[str], most: int = 6) -> str:
