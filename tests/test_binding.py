@@ -47,6 +47,14 @@ def bound(rig, given, rom):
     return bind(rig, rom[0], given, rom[0])
 
 
+@pytest.mark.parametrize("method", ["weighed", "paper"])
+def test_the_unit_of_the_weights_does_not_matter(rig, given, rom, bound, method):
+    scale = np.resize([100.0, 0.5, 1.0], len(rig.names))
+    other = replace(rig, deltas=rig.deltas / scale[:, None, None], bounds=rig.bounds * scale[:, None])
+    same = bound if method == "weighed" else bind(rig, rom[0], given, rom[0], method=method)
+    assert apart(bind(other, rom[0], given, rom[0], method=method).points, same.points, rig).max() < 1e-3
+
+
 @pytest.fixture(scope="module")
 def on_the_face():
     return make_take(stage.performer(0.0), stage.motion(), stage.markers(), seed=3, **FLAWS)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from blendcap.data import InputError
 from blendcap.solving.curves import Curves
 from blendcap.solving.events import CALM, _blink, lid_events, step_chances, told_by_frames
 from blendcap.solving.rows import marker_rows
@@ -77,7 +78,7 @@ def test_both_sides_tell_a_blink_that_neither_does_and_a_wink_is_one_sides():
     rng = np.random.default_rng(4)
     seen = truth + noise * rng.normal(size=truth.shape), np.tile(noise**-2.0, (400, 1))
     quick, partner = np.array([True, True, False]), np.array([1, 0, 2])
-    chance, calm = lid_events(*seen, np.ones(3), quick, partner, rate)
+    chance, calm = lid_events(*seen, quick, partner, rate)
     assert min(chance[p, i] for p in peaks for i in (0, 1)) > 0.9 and chance[210, 0] > 0.9
     assert not chance[:, 2].any() and np.isnan(calm[2]) and calm[0] == calm[1]
     alone = step_chances(seen[0][:, 1], seen[1][:, 1], rate)[0]
@@ -113,7 +114,7 @@ def test_a_side_that_hides_moves_neither_lid():
     precision = np.full((400, 2), noise**-2)
     precision[150:200, 1] = 0
     seen = truth + noise * rng.normal(size=truth.shape)
-    chance, _ = lid_events(seen, precision, np.ones(2), np.ones(2, bool), np.array([1, 0]), 60.0)
+    chance, _ = lid_events(seen, precision, np.ones(2, bool), np.array([1, 0]), 60.0)
     assert chance[145:205].max() < 0.5
 
 
@@ -123,12 +124,12 @@ def test_a_lid_is_calm_wherever_it_rests(rest):
     assert chance.mean() < 0.06
 
 
-def test_a_weight_that_goes_to_more_than_one_is_no_other_lid():
-    lid = blinking([60, 160], 220, 30.0)
-    seen, quick, partner = told(lid, 5, noise=0.1), np.array([True]), np.array([0])
-    one = lid_events(seen[0][:, None], seen[1][:, None], np.ones(1), quick, partner, 30.0)
-    hundred = lid_events(100 * seen[0][:, None], seen[1][:, None] / 1e4, np.full(1, 100.0), quick, partner, 30.0)
-    assert np.allclose(one[0], hundred[0]) and np.allclose(1e4 * one[1], hundred[1])
+@pytest.mark.parametrize(("weight", "precision"), [(np.nan, 1.0), (0.5, np.nan), (0.5, np.inf), (0.5, -1.0)])
+def test_what_is_no_number_is_refused(weight, precision):
+    seen = np.full(100, 0.3), np.ones(100)
+    seen[0][50], seen[1][50] = weight, precision
+    with pytest.raises(InputError, match="must be numbers, of a precision of 0 or more"):
+        step_chances(*seen, 60.0)
 
 
 @pytest.mark.parametrize("rate", [24.0, 30.0, 120.0, 240.0])

@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 
 import blendcap
 from blendcap import Animation, InputError, SolveSettings, SurfacePoints
+from blendcap.solving.shares import full_weights, in_shares
 from blendcap.synthetic.performances import range_of_motion
 from blendcap.synthetic.performer import make_performer
 from blendcap.synthetic.takes import make_take
@@ -91,6 +92,35 @@ def test_an_answer_tells_what_it_did_to_every_marker(typical, solved):
 
 
 # What must not matter
+
+
+def in_other_weights(rig, scale):
+    """The same rig with weights that are so many times as large (N,)."""
+    return replace(rig, deltas=rig.deltas / scale[:, None, None], bounds=rig.bounds * scale[:, None])
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_the_unit_of_the_weights_does_not_matter(typical, solved, method):
+    """Sliders to 100, to 2, to 0.5: the weights are as many times as large, and nothing else is different."""
+    scale = np.resize([100.0, 2.0, 0.5, 1.0], len(SHAPES))
+    other = blendcap.solve(
+        in_other_weights(typical.rig, scale), typical.take, typical.binding, settings=SolveSettings(method=method)
+    )
+    np.testing.assert_allclose(other.animation.weights / scale, solved[method].animation.weights, atol=1e-5)
+    np.testing.assert_allclose(other.residuals, solved[method].residuals, atol=1e-4)
+    np.testing.assert_allclose(other.animation.confidence, solved[method].animation.confidence, atol=1e-6)
+    assert other.unseen == pytest.approx(solved[method].unseen) and other.held == solved[method].held
+
+
+@pytest.mark.parametrize(
+    ("bounds", "full"), [((0, 1), 1), ((-1, 1), 1), ((-50, 100), 100), ((0, 0.5), 0.5), ((-2, 0), 2), ((0, 0), 1)]
+)
+def test_a_full_shape_is_one_at_its_bound(bounds, full):
+    rig = replace(sheet_rig(), bounds=np.tile(np.array(bounds, float), (len(sheet_rig().names), 1)))
+    assert (full_weights(rig) == full).all()
+    np.testing.assert_allclose(in_shares(rig).deltas, full * rig.deltas)
+    np.testing.assert_allclose(in_shares(rig).bounds, rig.bounds / full)
+    assert (in_shares(rig) is rig) == (full == 1)
 
 
 @pytest.mark.parametrize("method", METHODS)

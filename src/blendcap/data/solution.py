@@ -51,7 +51,7 @@ class Solution:
     helmet : (T, 6) float64, optional
         Motion of the helmet against the head: translation, mm, and rotation vector, rad.
     unseen : {shape: float}
-        Shapes that these markers cannot see, with the size of the standard error of their weight.
+        Shapes that these markers cannot see, with the standard error of their weight, where 1 is all of a shape.
     held : (K,) str
         Those of them that were held at rest; the others follow their partner on the other side.
     trusted : {marker: float}
@@ -61,7 +61,8 @@ class Solution:
     fitted : (T, M, 3) float64, optional
         Their places on the posed rig, mm.
     conflict : (T, N) float64, optional
-        How far each weight is from what the curves of the makeup patches say, by their confidence, weight units.
+        How far each weight is from what the curves of the makeup patches say, by their confidence, where 1 is all of a
+        shape.
     settings : {str: str}
         What was asked for and what was learned, to be written beside the answer.
     seconds : {step: float}

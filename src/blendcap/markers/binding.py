@@ -16,6 +16,7 @@ from blendcap.markers.neighbors import candidates, seamless
 from blendcap.markers.places import find_places
 from blendcap.markers.refinement import CLICK, FOUND, Places, algorithm_4, motion_places, surface_places
 from blendcap.markers.stabilization import stabilize
+from blendcap.solving.shares import in_shares
 
 log = logging.getLogger(__name__)
 
@@ -76,6 +77,7 @@ def bind(
         raise InputError(f"The binding method {method!r} is unknown; choose one of {', '.join(METHODS)}.")
     if method == "paper" and range_of_motion is None:
         raise InputError("The paper's binding needs a range-of-motion take; give one or use the method 'weighed'.")
+    rig = in_shares(rig)
     source = range_of_motion if range_of_motion is not None else take
     given = _given_places(rig, source, correspondences, neutral, progress)
     given, source, rest = _at_rest(given, source, neutral)

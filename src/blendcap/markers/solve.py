@@ -6,7 +6,7 @@ import logging
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from blendcap.solving.methods import confidence, solve_rows, standard_errors
 from blendcap.solving.noise import marker_noise
 from blendcap.solving.rows import MarkerRows, marker_rows
 from blendcap.solving.settings import SolveSettings
+from blendcap.solving.shares import full_weights, in_shares
 from blendcap.solving.visibility import UNSEEN
 
 log = logging.getLogger(__name__)
@@ -71,7 +72,8 @@ def solve(
         From `bind`.
     patches : Animation, optional
         Curves of weights that makeup patches tell, from `classify`, by shape names; `confidence` is how much they
-        count (the hybrid solve: Eq. 4 of the 2016 paper, Eq. 38 of the thesis).
+        count (the hybrid solve: Eq. 4 of the 2016 paper, Eq. 38 of the thesis). 1 is all of a shape, whatever weight
+        the rig's upper bound is.
     patches_offset : float, optional
         Seconds by which the patches' video begins after the take; needed only if the two differ in length.
     settings : SolveSettings, optional
@@ -94,6 +96,7 @@ def solve(
     settings = settings or SolveSettings()
     _check(rig)
     times = np.arange(len(take.positions)) / take.rate
+    full, rig = full_weights(rig), in_shares(rig)
     curves = None if patches is None else curves_for(rig.names, patches, times, patches_offset, rig.name)
     clock = _Clock(progress)
     clock.begin("cleaning")
@@ -114,7 +117,11 @@ def solve(
     )  # fmt: skip
     clock.stop()
     errors = standard_errors(rig, answer, noise, curves, settings)
-    return _solution(rig, take.rate, binding.points.names, rest, head, answer, errors, curves, settings, clock.seconds)
+    solution = _solution(
+        rig, take.rate, binding.points.names, rest, head, answer, errors, curves, settings, clock.seconds
+    )
+    animation = replace(solution.animation, weights=full * solution.animation.weights)
+    return replace(solution, animation=animation)
 
 
 def _solution(

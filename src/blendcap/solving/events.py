@@ -11,9 +11,11 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import expm
 
+from blendcap.data import InputError
 from blendcap.numerics.easing import smoothstep
 from blendcap.numerics.semimarkov import posterior_steps
 from blendcap.solving.curves import Curves
+from blendcap.solving.prior import PSEUDO_FRAMES, step_variance
 from blendcap.solving.rows import MarkerRows
 
 # Standard deviations of steps at 60 frames a second. Those of `calm` are learned; this is what it begins with.
@@ -29,7 +31,6 @@ LEVELS = np.linspace(0, 1, 25)
 BLIND = (LEVELS[1] - LEVELS[0]) / 2  # what the grid cannot tell is as good as noise
 FASTEST = 60.0  # frames a second that the model looks at; what is between says nothing more
 ROUNDS = 3
-PSEUDO_FRAMES = 100  # how many frames the first CALM counts for
 
 
 def told_by_frames(
@@ -64,7 +65,7 @@ def told_by_frames(
 
 
 def lid_events(
-    told: np.ndarray, precision: np.ndarray, span: np.ndarray, quick: np.ndarray, partner: np.ndarray, rate: float
+    told: np.ndarray, precision: np.ndarray, quick: np.ndarray, partner: np.ndarray, rate: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """How probable it is that each step of a quick shape is part of an event, and the variance of its other steps.
 
@@ -73,9 +74,7 @@ def lid_events(
     Parameters
     ----------
     told, precision : (T, N)
-        From `told_by_frames`.
-    span : (N,)
-        The weight that is all of a shape, 1 for most: a lid that is shut.
+        From `told_by_frames`. A lid that is shut has the weight 1.
     quick : (N,) bool
     partner : (N,) int
         The shape on the other side that goes with each; itself if none does.
@@ -89,14 +88,13 @@ def lid_events(
     calm : (N,)
         NaN for shapes that are not quick.
     """
-    told, precision = told / span, precision * span**2
     chance, calm = np.zeros_like(told), np.full(told.shape[1], np.nan)
     for i in np.flatnonzero(quick):
         pair = [i] if partner[i] == i else [i, partner[i]]
         chance[:, i], calm[i] = step_chances(*_pooled(told[:, pair], precision[:, pair]), rate)
         if len(pair) > 1:
             chance[:, i] = np.maximum(chance[:, i], step_chances(told[:, i], precision[:, i], rate)[0])
-    return chance, calm * span**2
+    return chance, calm
 
 
 def _pooled(told: np.ndarray, precision: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -116,10 +114,19 @@ def step_chances(told: np.ndarray, precision: np.ndarray, rate: float) -> tuple[
     Parameters
     ----------
     told, precision : (T,)
-        What each frame says of the weight, and one over its variance.
+        What each frame says of the weight, and one over its variance, 0 where it says nothing.
     rate : float
         Frames a second.
+
+    Raises
+    ------
+    InputError
+        If one of them is not a number, or a precision is below 0.
     """
+    if not (np.isfinite(told).all() and np.isfinite(precision).all() and (precision >= 0).all()):
+        raise InputError(
+            "What frames tell of a weight must be numbers, of a precision of 0 or more; 0 where they tell nothing."
+        )
     block = max(round(rate / FASTEST), 1)
     firsts = np.arange(0, len(told), block)
     total = np.add.reduceat(precision, firsts)
@@ -131,14 +138,14 @@ def step_chances(told: np.ndarray, precision: np.ndarray, rate: float) -> tuple[
 
 def _chances(told: np.ndarray, precision: np.ndarray, rate: float) -> tuple[np.ndarray, float]:
     scale = 60 / rate
-    start = calm = CALM**2 * scale
+    start = calm = step_variance(CALM, rate)
     precision = precision / (1 + precision * BLIND**2)
     costs = 0.5 * precision[:, None] * (told[:, None] - LEVELS) ** 2
     blinks = _blink_costs(told, precision, rate)
     begins, blink = BEGINS * scale, BLINKS * scale
     stays = STAYS**scale
     modes = np.array([[max(1 - begins - blink, 0.1), begins], [1 - stays, stays]])
-    apart, moving = (LEVELS[:, None] - LEVELS) ** 2, _diffusion(MOVING**2 * scale)
+    apart, moving = (LEVELS[:, None] - LEVELS) ** 2, _diffusion(step_variance(MOVING, rate))
     chance = np.zeros(len(told))
     for _ in range(ROUNDS):
         chance, squares = posterior_steps(costs, blinks, modes, np.stack([_diffusion(calm), moving]), apart)

@@ -23,6 +23,7 @@ from blendcap.solving.prior import (
     posterior,
     relearned_prior,
     resting,
+    step_variance,
     step_weights,
     symmetric_prior,
     trend,
@@ -53,7 +54,7 @@ def solve_learned(
 ) -> Answer:
     """Weights of the whole take, most probable under a prior that the take itself teaches.
 
-    Minimises, exactly and for all frames at once,
+    Weights count as shares of a full shape (`in_shares`). Minimises, exactly and for all frames at once,
     `|y_t - B a_t - R u_t|² + s² a_t' C⁻¹ a_t + sum_i s² w_ti / q_i (a_ti - a_(t-1)i)²` with `0 <= a <= 1`,
     where s is the noise, C the covariance of poses, q the variance of steps and w their Student weights;
     C, q and w are re-estimated between passes. From the second pass on shapes that the markers cannot tell are held at
@@ -86,7 +87,7 @@ def solve_learned(
         Told what begins.
     """
     start = symmetric_prior(kinship.mirror, kinship.symmetry, rate)
-    start = replace(start, steps=np.where(kinship.quick, FREE**2 * 60 / rate, start.steps))
+    start = replace(start, steps=np.where(kinship.quick, step_variance(FREE, rate), start.steps))
     belief = _Belief.first(start, max(noise, START_NOISE), len(rows.rows))
     told_error = np.full(rows.shapes, curve_error)
     if curves is not None:
@@ -235,22 +236,15 @@ def _learned(
     trusted = trust(marker_errors(rows, unknowns, leverage))
     noise = max(least, overall(rows, unknowns, leverage, trusted))
     held = held_shapes(rows.weighed(trusted), lasting_noise(noise, least), kinship, terms.told())
-    span = _span(rows)
-    prior = prior.reaching(kinship.quick, span).holding(held)
+    prior = prior.reaching(kinship.quick).holding(held)
     factors = step_weights(weights, prior, kinship.mirror)
     told = told_by_frames(weighed, unknowns, noise, terms.curves, (noise / terms.told_error) ** 2)
-    chance, calm = lid_events(*told, span, kinship.quick, kinship.partner, rate)
-    free = np.maximum((FREE * span) ** 2 * 60 / rate, calm)
+    chance, calm = lid_events(*told, kinship.quick, kinship.partner, rate)
+    free = np.maximum(step_variance(FREE, rate), calm)
     prior = replace(prior, steps=np.where(kinship.quick, calm, prior.steps))
     factors = np.where(kinship.quick, (calm / free) ** chance, factors)
     smaller = resting(weights, kinship.opposite) & (chance < 0.5)
     return _Belief(prior, noise, factors, chance * trend(weights), held, smaller, trusted)
-
-
-def _span(rows: MarkerRows) -> np.ndarray:
-    """(N,) the weight that is all of a shape: its upper bound, or 1 where there is none."""
-    upper = rows.upper[: rows.shapes]
-    return np.where(np.isfinite(upper) & (upper > 0), upper, 1.0)
 
 
 def _pull_along(coupling: np.ndarray, foretold: np.ndarray) -> np.ndarray:
@@ -262,7 +256,7 @@ def _pull_along(coupling: np.ndarray, foretold: np.ndarray) -> np.ndarray:
 
 def _coupling(rows: MarkerRows, prior: TakePrior, noise: float, rate: float, factors) -> np.ndarray:
     """(T, N + K) coupling of neighbouring frames, mm²; `factors` (T, N) are those on the shapes'."""
-    coupling = np.full((len(rows.targets), len(rows.lower)), noise**2 / (HELMET_STEP**2 * 60 / rate))
+    coupling = np.full((len(rows.targets), len(rows.lower)), noise**2 / step_variance(HELMET_STEP, rate))
     coupling[:, : rows.shapes] = factors * noise**2 / prior.steps
     return coupling
 

@@ -19,6 +19,7 @@ from blendcap.solving.prior import (
     STEP_FLOOR,
     SYMMETRY,
     TakePrior,
+    step_variance,
     symmetric_prior,
 )
 from blendcap.solving.rows import MarkerRows
@@ -59,7 +60,7 @@ class LiveSolver:
         self.curve_strength = (noise / curve_error) ** 2
         self.held = np.zeros(rows.shapes, dtype=bool) if held is None else held
         self.start = self.prior = symmetric_prior(mirror, symmetry, rate)
-        self.step_floor = STEP_FLOOR**2 * 60 / rate
+        self.step_floor = step_variance(STEP_FLOOR, rate)
         self.last: np.ndarray | None = None
         self.frames = 0
         count = rows.shapes
@@ -71,7 +72,7 @@ class LiveSolver:
         count, size = self.rows.shapes, len(self.rows.lower)
         self.quadratic = self.rows.gram + HELMET_RIDGE * np.eye(size)
         self.quadratic[:count, :count] += self.noise**2 * np.linalg.inv(self.prior.holding(self.held).covariance)
-        walk = np.r_[self.prior.steps, np.full(size - count, HELMET_STEP**2 * 60 / self.rate)]
+        walk = np.r_[self.prior.steps, np.full(size - count, step_variance(HELMET_STEP, self.rate))]
         posterior = np.diag(walk)
         for _ in range(RICCATI_STEPS):
             predicted = np.linalg.inv(posterior + np.diag(walk))

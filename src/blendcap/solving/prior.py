@@ -48,16 +48,18 @@ class TakePrior:
         """The prior that keeps the shapes `held` (N,) bool at rest."""
         return self._scaled(np.where(held, HOLD, 1.0))
 
-    def reaching(self, quick: np.ndarray, span: np.ndarray | float = 1.0) -> TakePrior:
-        """The prior that lets the shapes `quick` (N,) bool reach the height of a peak, however rare peaks are.
-
-        `span` (N,) is the weight that is all of a shape.
-        """
+    def reaching(self, quick: np.ndarray) -> TakePrior:
+        """The prior that lets the shapes `quick` (N,) bool reach the height of a peak, however rare peaks are."""
         deviation = np.sqrt(np.diag(self.covariance))
-        return self._scaled(np.where(quick, np.maximum(REACH * span / deviation, 1.0), 1.0))
+        return self._scaled(np.where(quick, np.maximum(REACH / deviation, 1.0), 1.0))
 
     def _scaled(self, factor: np.ndarray) -> TakePrior:
         return TakePrior(self.covariance * np.outer(factor, factor), self.steps)
+
+
+def step_variance(deviation: float, rate: float) -> float:
+    """Of a step, from its standard deviation at 60 frames a second: a random walk's grows with the time between."""
+    return deviation**2 * 60 / rate
 
 
 def symmetric_prior(mirror: np.ndarray, symmetry: float, rate: float) -> TakePrior:
@@ -70,13 +72,13 @@ def symmetric_prior(mirror: np.ndarray, symmetry: float, rate: float) -> TakePri
     symmetry : float
         Correlation of partners.
     rate : float
-        Frames a second; a random walk's step grows with the time between frames.
+        Frames a second.
     """
     count = len(mirror)
     covariance = np.eye(count)
     paired = np.flatnonzero(mirror != np.arange(count))
     covariance[paired, mirror[paired]] = symmetry
-    steps = np.full(count, START_STEP**2 * 60 / rate)
+    steps = np.full(count, step_variance(START_STEP, rate))
     return TakePrior(START_DEVIATION**2 * covariance, steps)
 
 
@@ -111,7 +113,7 @@ def relearned_prior(
     covariance = (frames * moment + PSEUDO_FRAMES * start.covariance) / (frames + PSEUDO_FRAMES)
     covariance[np.diag_indices(count)] += DEVIATION_FLOOR**2
     steps = (np.diff(weights, axis=0) ** 2).mean(0) + free * open_step if frames > 1 else current.steps
-    return TakePrior(covariance, steps + STEP_FLOOR**2 * 60 / rate), open_all
+    return TakePrior(covariance, steps + step_variance(STEP_FLOOR, rate)), open_all
 
 
 def step_weights(weights: np.ndarray, prior: TakePrior, mirror: np.ndarray) -> np.ndarray:
