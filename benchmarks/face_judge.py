@@ -23,12 +23,15 @@ from blendcap.data.names import match
 from blendcap.io.ict import read_ict_pack
 from blendcap.rendering import Light, face_camera, prepare_rig, project, shaped
 from blendcap.synthetic.face_paint import paint_face
+from face_judge_maps import MAPS, as_68
+from face_judge_photographs import photographs
 from results import write_section
 
 HERE = Path(__file__).resolve().parent
 CACHE = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "blendcap-tests" / "mediapipe-0.10.21"
 NEEDS = ("numpy<2", "opencv-python-headless>=4.11,<4.12", "absl-py", "attrs", "flatbuffers", "protobuf>=4.25,<5",
          "matplotlib")  # fmt: skip
+ICT = Path("rigs/ict_facekit.npz")
 SIZE, TURN = (480, 480), np.radians(25.0)
 EXPRESSIONS: dict[str, dict[str, float]] = {
     "neutral": {},
@@ -40,17 +43,6 @@ EXPRESSIONS: dict[str, dict[str, float]] = {
     "surprise": {"jawOpen": 0.4, "eyeWideLeft": 0.8, "eyeWideRight": 0.8, "browInnerUp": 0.8},
     "wink": {"eyeBlinkLeft": 1, "mouthSmileLeft": 0.6},
 }  # fmt: skip
-# FaceMesh's vertices for each of the 68, from the subject's right, as iBUG counts; where there are two, their middle.
-# No map is official. This is the published one of P. Yan (github.com/PeizhiYan/Mediapipe_2_Dlib_Landmarks); another
-# that is often copied (162, 234, 93, 58, 172 ...) differs at the jaw and at single points of brows, bridge and lip.
-_TWO = {3: (132, 58), 4: (58, 172), 12: (397, 288), 27: (168, 6), 28: (197, 195)}
-_ONE = (
-    127, 234, 93, 0, 0, 136, 150, 176, 152, 400, 379, 365, 0, 361, 323, 454, 356,
-    70, 63, 105, 66, 107, 336, 296, 334, 293, 300, 0, 0, 5, 4, 75, 97, 2, 326, 305,
-    33, 160, 158, 133, 153, 144, 362, 385, 387, 263, 373, 380,
-    61, 39, 37, 0, 267, 269, 291, 321, 314, 17, 84, 91, 78, 82, 13, 312, 308, 317, 14, 87,
-)  # fmt: skip
-FACEMESH = np.array([_TWO.get(n, (vertex, vertex)) for n, vertex in enumerate(_ONE)])
 LINES = (range(17), range(17, 22), range(22, 27))  # jaw and brows: no feature says where along them a point lies
 GROUPS = {"jaw": range(17), "brows": range(17, 27), "nose bridge": range(27, 30), "nose tip": [30],
           "nose base": range(31, 36), "eyes": range(36, 48), "mouth": range(48, 68)}  # fmt: skip
@@ -134,20 +126,20 @@ def frames_of(rig: Rig, kind: str, person: int, expressions=tuple(EXPRESSIONS)) 
     return frames
 
 
-def errors(frames: list[Frame], points: np.ndarray) -> np.ndarray:
-    """Distances (T, 68) of FaceMesh's points from the truth, in outer-eye distances from the front; NaN if unseen."""
-    return np.linalg.norm(_away(frames, points), axis=2)
+def errors(frames: list[Frame], answers: np.ndarray) -> np.ndarray:
+    """Distances (T, 68) of answers (T, 68, 2) from the truth, in outer-eye distances from the front; NaN if unseen."""
+    return np.linalg.norm(_away(frames, answers), axis=2)
 
 
-def errors_across_lines(frames: list[Frame], points: np.ndarray) -> np.ndarray:
+def errors_across_lines(frames: list[Frame], answers: np.ndarray) -> np.ndarray:
     """`errors`, but for jaw and brows the distances from the true line, wherever along it."""
-    return _across_lines(frames, _answers(points))
+    return _across_lines(frames, answers)
 
 
-def errors_without_offsets(frames: list[Frame], points: np.ndarray) -> np.ndarray:
+def errors_without_offsets(frames: list[Frame], answers: np.ndarray) -> np.ndarray:
     """`errors`, less what FaceMesh's point is always beside the landmark: a step (3,) in the face's own frame for each
     landmark, fitted on the people of odd number for those of even number, and the other way round."""
-    away, odd = _away(frames, points), np.array([frame.person % 2 == 1 for frame in frames])
+    away, odd = _away(frames, answers), np.array([frame.person % 2 == 1 for frame in frames])
     yaw = np.array([frame.yaw for frame in frames])
     seen, left = np.isfinite(away).all((1, 2)), away.copy()
     for shown, others in ((odd, seen & ~odd), (~odd, seen & odd)):
@@ -157,24 +149,24 @@ def errors_without_offsets(frames: list[Frame], points: np.ndarray) -> np.ndarra
     return np.linalg.norm(left, axis=2)
 
 
-def errors_of_mean_face(frames: list[Frame], points: np.ndarray) -> np.ndarray:
+def errors_of_mean_face(frames: list[Frame], answers: np.ndarray) -> np.ndarray:
     """`errors` of one who answers the mean of the other people's landmarks, laid over FaceMesh's points: a baseline."""
     truth = np.stack([frame.truth for frame in frames])
-    return np.linalg.norm(_mean_faces(frames, points) - truth, axis=2) / _spans(frames)[:, None]
+    return np.linalg.norm(_mean_faces(frames, answers) - truth, axis=2) / _spans(frames)[:, None]
 
 
-def mean_face_across_lines(frames: list[Frame], points: np.ndarray) -> np.ndarray:
+def mean_face_across_lines(frames: list[Frame], answers: np.ndarray) -> np.ndarray:
     """`errors_across_lines` of the same baseline."""
-    return _across_lines(frames, _mean_faces(frames, points))
+    return _across_lines(frames, _mean_faces(frames, answers))
 
 
-def _mean_faces(frames: list[Frame], points: np.ndarray) -> np.ndarray:
+def _mean_faces(frames: list[Frame], answers: np.ndarray) -> np.ndarray:
     truth, odd = np.stack([frame.truth for frame in frames]), np.array([frame.person % 2 == 1 for frame in frames])
-    views, answers = np.sign([frame.yaw for frame in frames]), np.full((len(frames), 68, 2), np.nan)
-    for n in np.flatnonzero(np.isfinite(points).all((1, 2))):
+    views, means = np.sign([frame.yaw for frame in frames]), np.full((len(frames), 68, 2), np.nan)
+    for n in np.flatnonzero(np.isfinite(answers).all((1, 2))):
         mean = truth[(odd != odd[n]) & (views == views[n])].mean(0)
-        answers[n] = _laid_over(mean, _answers(points[n]))
-    return answers
+        means[n] = _laid_over(mean, answers[n])
+    return means
 
 
 def _across_lines(frames: list[Frame], answers: np.ndarray) -> np.ndarray:
@@ -196,14 +188,9 @@ def _laid_over(shape: np.ndarray, points: np.ndarray) -> np.ndarray:
     return np.stack([placed.real, placed.imag], 1) + points.mean(0)
 
 
-def _away(frames: list[Frame], points: np.ndarray) -> np.ndarray:
-    """From the truth to FaceMesh's points, (T, 68, 2), in outer-eye distances."""
-    return (_answers(points) - np.stack([frame.truth for frame in frames])) / _spans(frames)[:, None, None]
-
-
-def _answers(points: np.ndarray) -> np.ndarray:
-    """The 68 landmarks (..., 68, 2) of FaceMesh's points (..., 478, 2)."""
-    return points[..., FACEMESH, :].mean(-2)
+def _away(frames: list[Frame], answers: np.ndarray) -> np.ndarray:
+    """From the truth to the answers, (T, 68, 2), in outer-eye distances."""
+    return (answers - np.stack([frame.truth for frame in frames])) / _spans(frames)[:, None, None]
 
 
 def _spans(frames: list[Frame]) -> np.ndarray:
@@ -227,18 +214,52 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--people", type=int, default=20)
     count = parser.parse_args().people
-    data = Path(os.environ.get("BLENDCAP_DATA", HERE.parent.parent / "shared" / "data")) / "rigs" / "ict_facekit.npz"
+    data = Path(os.environ.get("BLENDCAP_DATA", HERE.parent.parent / "shared" / "data"))
+    seen = {kind: _seen(kind, count, data) for kind in ("mannequin", "ICT-FaceKit")[: 1 + (data / ICT).exists()]}
     tables = []
-    for kind in ("mannequin", "ICT-FaceKit") if data.exists() else ("mannequin",):
-        frames, points = [], []
-        for seed in range(1, count + 1):
-            frames_here = frames_of(people(kind, seed, data), kind, seed)
-            points.append(judged([frame.picture for frame in frames_here]))
-            frames += [frame._replace(picture=np.empty(0)) for frame in frames_here]
-        found = np.concatenate(points)
-        tables.append(_table(kind, {label: report(frames, away(frames, found)) for away, label in MEASURES.items()}))
+    for kind, (frames, points) in seen.items():
+        measured = {label: report(frames, away(frames, as_68(points))) for away, label in MEASURES.items()}
+        tables.append(_table(kind, measured))
         print(tables[-1], flush=True)
+    tables.append(_table_of_maps(seen, data / "images"))
+    print(tables[-1])
     write_section("Faces before a judge", "python benchmarks/face_judge.py", _text(count) + "\n\n".join(tables))
+
+
+def _seen(kind: str, count: int, data: Path) -> tuple[list[Frame], np.ndarray]:
+    """All frames, without their pictures, and FaceMesh's answers (T, 478, 2)."""
+    frames, points = [], []
+    for seed in range(1, count + 1):
+        frames_here = frames_of(people(kind, seed, data / ICT), kind, seed)
+        points.append(judged([frame.picture for frame in frames_here]))
+        frames += [frame._replace(picture=np.empty(0)) for frame in frames_here]
+    return frames, np.concatenate(points)
+
+
+def of_photographs(folder: Path) -> tuple[list[Frame], np.ndarray, np.ndarray]:
+    """Photographs as frames, FaceMesh's answers (T, 478, 2), and which faces look into the camera (T,) bool."""
+    known = photographs(folder)
+    frames = [Frame("photograph", n, "", 0.0, np.empty(0), truth) for n, truth in enumerate(known.truth)]
+    return frames, judged(list(known.pictures)), known.from_front
+
+
+def _table_of_maps(seen: dict[str, tuple[list[Frame], np.ndarray]], folder: Path) -> str:
+    """Every map on every face, all but the tip of the nose: as it is, across lines, offset removed."""
+    shown = dict(seen)
+    columns = [f"{kind}, {label}" for kind in seen for label in ("as it is", "across lines", "offset removed")]
+    if folder.exists():
+        frames, points, front = of_photographs(folder)
+        shown["photographs"] = [frame for frame, is_front in zip(frames, front, strict=True) if is_front], points[front]
+        columns += [f"{front.sum()} photographs from the front, {label}" for label in ("as it is", "across lines")]
+    rows = [f"| map, % | {' | '.join(columns)} |", "|---|" + "---|" * len(columns)]
+    for name, vertices in MAPS.items():
+        cells = [
+            100 * float(np.nanmean(np.delete(measure(frames, as_68(points, vertices)), 30, axis=1)))
+            for kind, (frames, points) in shown.items()
+            for measure in (errors, errors_across_lines, errors_without_offsets)[: 2 if kind == "photographs" else 3]
+        ]
+        rows.append(f"| {name} | " + " | ".join(f"{cell:.2f}" for cell in cells) + " |")
+    return "\n".join(rows)
 
 
 def _text(count: int) -> str:
@@ -247,16 +268,23 @@ def _text(count: int) -> str:
         "25° to one side, light and background drawn for every picture, hair with the person: "
         f"{2 * count * len(EXPRESSIONS)} pictures of each face. Found: share of the pictures. Others: mean distance of "
         "FaceMesh's points from the true landmarks in % of the distance between the outer corners of the eyes, from "
-        "the front / turned / all.\n\n"
+        "the front / turned / all. No landmark is left out; the tip of the nose is stated apart.\n\n"
         "*As it is* takes for each landmark the vertex of FaceMesh, or the middle of two, of the map that P. Yan "
-        "published (no map is official). FaceMesh and iBUG's 68 landmarks are two schemes: its jaw lies higher and "
-        "inside the outline, its points stand elsewhere along jaw and brows, and ICT-FaceKit marks bridge, nostrils "
-        "and inner lips elsewhere again. *Across lines*: jaw and brows are lines, and no feature says where along them "
-        "a point lies; what counts is how far it is from the true line, all else as it is. Nothing is fitted. *Offset "
-        "removed*: one constant step in the face's own frame for each landmark, left, up and forwards, fitted on ten "
-        "people and reported on the other ten, and the other way round. *Mean face* is a baseline: whoever answers the "
-        "mean landmarks of the other ten people, laid over FaceMesh's points; also measured across lines. No landmark "
-        "is left out; the tip of the nose is stated apart.\n\n"
+        "published. *Across lines*: jaw and brows are lines, and no feature says where along them a point lies; what "
+        "counts is how far it is from the true line, all else as it is. Nothing is fitted. *Offset removed*: one "
+        "constant step in the face's own frame for each landmark, left, up and forwards, fitted on the people of odd "
+        "number and reported on those of even number, and the other way round. *Mean face* is a baseline: whoever "
+        "answers the mean landmarks of the other half of the people, laid over FaceMesh's points.\n\n"
+        "**The bar of 3 % is held against *offset removed*, all but the nose tip.** FaceMesh has a scheme of its own, "
+        "whose points stand elsewhere along jaw and brows and whose bridge begins lower, and no map from it to iBUG's "
+        "68 is official. As it is, nobody passes by any of four published maps, people on photographs least of all "
+        "(last table; 43 of the 45 photographs are small and bear landmarks of dlib's predictor: read that as a size, "
+        "not as a measurement). Across lines even the mean face passes, so to pass says nothing about a face. With the "
+        "offset removed the judge passes and the mean face does not, though not by much: around eyes and mouth the "
+        "judge is about twice as near, on jaw and bridge hardly nearer, so nothing is proven there. What this reading "
+        "cannot see is a landmark that lies wrong on everybody alike; that is for the definition, and "
+        "tests/test_mannequin.py holds it: jaw and bridge evenly spaced, the jaw on the outline, brows on hair. "
+        "ICT-FaceKit's landmarks are its authors' own.\n\n"
     )
 
 

@@ -147,13 +147,15 @@ def test_landmarks_have_the_usual_order_and_sides(anybody):
     assert at[30, 2] == at[:, 2].max()
 
 
-def test_the_jaws_landmarks_lie_along_the_outline_and_the_brows_on_hair(anybody):
+def test_jaw_and_bridge_are_evenly_marked_along_outline_and_ridge_and_the_brows_on_hair(anybody):
     points = anybody.points["landmarks68"]
     places = points.positions(anybody.mesh)
     normals = points.matrix(anybody.mesh) @ vertex_normals(anybody.mesh.vertices, anybody.mesh.faces)
     assert np.abs(normals[:17, 2]).max() < 0.35  # where the skin turns out of sight
     steps = np.linalg.norm(np.diff(places[:17, :2], axis=0), axis=1)
-    assert steps.max() < 2.5 * steps.min()
+    assert steps.max() < 1.6 * steps.min()
+    down = (places[27, 1] - places[[28, 29], 1]) / (places[27, 1] - places[30, 1])
+    assert (np.abs(down - [1 / 3, 2 / 3]) < [0.12, 0.07]).all()
     plain = shared().rest[np.argmax(points.matrix(anybody.mesh)[17:27, : len(shared().rest)].toarray(), axis=1)]
     assert brow(plain, Look()).mean() > 0.3
 

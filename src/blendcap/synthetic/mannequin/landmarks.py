@@ -12,9 +12,9 @@ from blendcap.synthetic.mannequin.cage import Cage
 # seen from the front, from ear to chin; the brows' on hair; along nostrils and lips at half the base of the
 # nose, and at 0.63 (outer lip) and 0.27 (inner lip) of the way from the middle of the mouth to its corner.
 _LANDMARKS = (
-    "~R6 ~R6+~R7 ~R7 ~R8++~R7 ~R8+~S8 ~S8+~S9 ~S9++~M77 ~M77 M78 M77 S9++M77 S8+S9 R8+S8 R8++R7 R7 R6+R7 R6 "
+    "~R6 ~R6+~R7 ~R7 ~R8++~R7 ~S8++~R8 ~S8+~S9 ~S9++~M77 ~M77 M78 M77 S9++M77 S8+S9 S8++R8 R8++R7 R7 R6+R7 R6 "
     "~orbit.5 ~orbit.4++~orbit.5 ~orbit.3++~orbit.4 ~orbit.2++~orbit.3 ~G1+~orbit.1 "
-    "G1+orbit.1 orbit.2++orbit.3 orbit.3++orbit.4 orbit.4++orbit.5 orbit.5 N1 N2 N3 N4 "
+    "G1+orbit.1 orbit.2++orbit.3 orbit.3++orbit.4 orbit.4++orbit.5 orbit.5 N1 N2 N3++N2 N4 "
     "~W3 ~nostril.3+~nostril.4 N6 nostril.3+nostril.4 W3 ~margin.6 ~margin.4 ~margin.2 ~margin.0 ~margin.10 ~margin.8 "
     "margin.0 margin.2 margin.4 margin.6 margin.8 margin.10 "
     "~border.4 ~border.2+~border.3 ~border.1 border.0 border.1 border.2+border.3 "
