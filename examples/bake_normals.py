@@ -11,7 +11,7 @@ from blendcap.rendering import vertex_normals
 from blendcap.view import write_still
 
 out = Path(sys.argv[1] if len(sys.argv) > 1 else "out")
-out.mkdir(exist_ok=True)
+out.mkdir(parents=True, exist_ok=True)
 
 # A scan of raised brows: the posed face in fine triangles, with furrows across the forehead, 0.35 mm deep.
 rig = blendcap.mannequin()

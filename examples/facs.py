@@ -21,7 +21,7 @@ from blendcap.synthetic.takes import make_take
 
 RATE, SIZE, UNITS = 12.0, (480, 360), ("1+2", "45")
 out = Path(sys.argv[1] if len(sys.argv) > 1 else tempfile.mkdtemp())
-out.mkdir(exist_ok=True)
+out.mkdir(parents=True, exist_ok=True)
 
 rig = blendcap.mannequin(1, shapes=52)
 performer = make_performer(rig, seed=1)

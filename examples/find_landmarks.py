@@ -11,7 +11,7 @@ from blendcap.modeling.landmark_names import FEATURES, rig_landmarks
 from blendcap.view import write_landmarks
 
 out = Path(sys.argv[1] if len(sys.argv) > 1 else "out")
-out.mkdir(exist_ok=True)
+out.mkdir(parents=True, exist_ok=True)
 
 # Any textured mesh will do, in any unit: scan = blendcap.read_mesh("scan.glb"). Without a texture its form is enough.
 person = blendcap.mannequin(1002)

@@ -13,7 +13,7 @@ from blendcap.synthetic.takes import choose_points, make_take
 from blendcap.view.footage import write_shots
 
 out = Path(sys.argv[1] if len(sys.argv) > 1 else tempfile.mkdtemp())
-out.mkdir(exist_ok=True)
+out.mkdir(parents=True, exist_ok=True)
 
 rig = blendcap.mannequin()
 performer = make_performer(rig, seed=3)

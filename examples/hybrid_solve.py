@@ -22,7 +22,7 @@ from blendcap.synthetic.takes import choose_points, make_take
 from blendcap.view import write_still
 
 out = Path(sys.argv[1] if len(sys.argv) > 1 else "out")
-out.mkdir(exist_ok=True)
+out.mkdir(parents=True, exist_ok=True)
 RATE, SIZE = 12.0, (320, 240)
 LIDS = ("eyeBlinkLeft", "eyeBlinkRight")
 

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 import blendcap
+from blendcap.io.points_json import write_points
 from blendcap.synthetic.conversation import conversation
 from blendcap.synthetic.mislabels import mislabel
 from blendcap.synthetic.performer import make_performer
@@ -25,7 +26,9 @@ take, mistakes = mislabel(sound, seed=7, swaps=3, ghosts=6, loose=4)
 
 blendcap.write_markers(folder / "take.c3d", take)
 blendcap.write_animation(folder / "animation.npz", truth.animation)
-np.savez(folder / "mistakes.npz", owner=mistakes.owner, false=mistakes.false, missing=truth.missing, slip=truth.slip)
+write_points(folder / "places.json", truth.points, rig.name)
+np.savez(folder / "truth.npz", positions=truth.positions, missing=truth.missing, slip=truth.slip, pivot=truth.pivot)
+np.savez(folder / "mistakes.npz", owner=mistakes.owner, false=mistakes.false)
 
 back = blendcap.read_markers(folder / "take.c3d")
 assert back.names == take.names and np.array_equal(back.missing, take.missing)

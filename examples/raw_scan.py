@@ -22,7 +22,8 @@ for name, weights in (("neutral", None), ("smile", smile)):
     scan = make_scan(person, weights, seed=3, spacing=2.5)  # 1.5 if not given: 80,000 vertices
     blendcap.write_mesh(folder / f"{name}.obj", scan.mesh)
     blendcap.write_mesh(folder / f"{name}_truth.obj", scan.expression)
-    np.savez(folder / f"{name}_truth.npz", faces=scan.faces, barycentric=scan.barycentric, landmarks=scan.landmarks)
+    places = {"faces": scan.faces, "barycentric": scan.barycentric, "landmarks": scan.landmarks, "holes": scan.holes}
+    np.savez(folder / f"{name}_truth.npz", **places, weights=scan.weights, names=scan.rig.names)
     off = (scan.mesh.vertices - scan.carried(scan.expression.vertices))[~scan.clutter]
     print(
         f"{name}: {len(scan.mesh.vertices)} vertices, {100 * scan.clutter.mean():.0f} % of them hair and cloth, "

@@ -10,7 +10,7 @@ from blendcap.modeling.landmark_names import rig_landmarks
 from blendcap.synthetic.scans import make_scan
 
 out = Path(sys.argv[1] if len(sys.argv) > 1 else "out")
-out.mkdir(exist_ok=True)
+out.mkdir(parents=True, exist_ok=True)
 
 # Somebody else than the template, scanned: another net of triangles, 0.1 mm noise, five holes, no back of the head.
 template, person = blendcap.mannequin(), blendcap.mannequin(identity=4)

@@ -9,7 +9,7 @@ from blendcap.synthetic.performer import make_performer
 from blendcap.synthetic.takes import choose_points, make_take
 
 out = Path(sys.argv[1] if len(sys.argv) > 1 else "out")
-out.mkdir(exist_ok=True)
+out.mkdir(parents=True, exist_ok=True)
 
 # The performer is not the rig: each shape moves this face a little differently, and some shapes correct each other.
 rig = blendcap.mannequin(shapes=52)
