@@ -278,12 +278,12 @@ def _text(count: int) -> str:
         "**The bar of 3 % is held against *offset removed*, all but the nose tip.** FaceMesh has a scheme of its own, "
         "whose points stand elsewhere along jaw and brows and whose bridge begins lower, and no map from it to iBUG's "
         "68 is official. As it is, nobody passes by any of four published maps, people on photographs least of all "
-        "(last table; 43 of the 45 photographs are small and bear landmarks of dlib's predictor: read that as a size, "
-        "not as a measurement). Across lines even the mean face passes, so to pass says nothing about a face. With the "
-        "offset removed the judge passes and the mean face does not, though not by much: around eyes and mouth the "
-        "judge is about twice as near, on jaw and bridge hardly nearer, so nothing is proven there. What this reading "
-        "cannot see is a landmark that lies wrong on everybody alike; that is for the definition, and "
-        "tests/test_mannequin.py holds it: jaw and bridge evenly spaced, the jaw on the outline, brows on hair. "
+        "(last table; nearly all of these photographs are small and bear landmarks of dlib's predictor: read that as a "
+        "size, not as a measurement). Across lines even the mean face passes, so to pass says nothing about a face. "
+        "With the offset removed the judge passes by every map, and the mean face does not, though not by much: around "
+        "eyes and mouth the judge is about twice as near, on jaw and bridge hardly nearer, so nothing is proven there. "
+        "What this reading cannot see is a landmark that lies wrong on everybody alike; that is for the definition, "
+        "and tests/test_mannequin.py holds it: jaw and bridge evenly spaced, the jaw on the outline, brows on hair. "
         "ICT-FaceKit's landmarks are its authors' own.\n\n"
     )
 
