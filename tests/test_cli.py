@@ -467,7 +467,7 @@ def test_info_says_what_a_rig_a_take_and_an_animation_hold(folder, capsys):
     assert rig["kind"] == "rig" and rig["vertices"] == 225 and rig["faces"] == 392 and rig["shapes"] == list(NAMES)
     assert rig["unit"] == "mm"
     assert take["kind"] == "markers" and take["frames"] == FRAMES and take["rate"] == RATE
-    assert len(take["markers"]) == 25 and take["missing"] == 0
+    assert len(take["markers"]) == 25 and take["missing"] == 0 and take["filled"] == {}
     assert animation["kind"] == "animation" and animation["frames"] == FRAMES and animation["shapes"] == list(NAMES)
 
 
@@ -480,7 +480,7 @@ def test_info_speaks_to_people_in_lines(folder, capsys):
     assert main(["info", "take.c3d"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert "unit       mm, as the file says" in lines and "missing    0 % of the samples" in lines
-    assert "seconds    0.6667" in lines and "have gaps  none" in lines
+    assert "seconds    0.6667" in lines and "have gaps  none" in lines and "filled     none" in lines
 
 
 def test_info_prints_every_name_wrapped_to_the_terminal(folder, rig, monkeypatch, capsys):

@@ -5,7 +5,7 @@ import pytest
 
 from blendcap.data import InputError
 from blendcap.solving.curves import Curves
-from blendcap.solving.events import CALM, _blink, lid_events, step_chances, told_by_frames
+from blendcap.solving.events import CALM, _blink, hidden, lid_events, step_chances, told_by_frames
 from blendcap.solving.rows import marker_rows
 
 NOISE = 0.17  # of a weight in one frame
@@ -140,3 +140,15 @@ def test_an_event_is_told_when_it_is(rate):
     chance, _ = step_chances(*told(np.interp(seconds, [2.0, 2.2], [0.1, 0.9]), 1, noise=0.02), rate)
     moving = seconds[chance > 0.5]
     assert abs(moving.mean() - 2.1 - 0.5 / rate) < 0.006 and 0.13 < np.ptp(moving) < 0.3
+
+
+def test_what_hardly_any_marker_sees_for_a_while_is_no_event():
+    """Frames that tell less than a guess and a tenth of what others tell; where all tell as little, none is hidden."""
+    precision = np.full((20, 3), 40.0)
+    precision[5:9, :2] = 1.0
+    precision[10:12, 0] = 1.0  # its partner sees
+    precision[15, :2] = 2.1  # together more than a guess
+    guess, quick, partner = 0.5, np.array([True, True, False]), np.array([1, 0, 2])
+    answer = hidden(precision, guess, quick, partner)
+    assert np.argwhere(answer).tolist() == [[t, i] for t in range(5, 9) for i in (0, 1)]
+    assert not hidden(np.full((20, 3), 0.1), guess, quick, partner).any()

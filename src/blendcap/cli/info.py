@@ -27,10 +27,23 @@ def info(
     from blendcap.io import describe
 
     facts = describe(file, unit)
+    if facts["kind"] == "markers":
+        facts["filled"] = _filled(file, unit or (None if facts["unit"] else "mm"))
     if as_json:
         print_json(facts)
     else:
         print_lines(_for_people(facts, unit), most=ALL)
+
+
+def _filled(file: Path, unit: str | None) -> dict[str, list[tuple[int, int]]]:
+    """{marker: (first, last) frames} that other software filled."""
+    from blendcap.io import read_markers
+    from blendcap.markers.filled import filled_stretches
+
+    spans: dict[str, list[tuple[int, int]]] = {}
+    for stretch in filled_stretches(read_markers(file, unit=unit)):
+        spans.setdefault(stretch.marker, []).append((stretch.first, stretch.last))
+    return spans
 
 
 def _for_people(facts: dict[str, Any], given: str | None) -> dict[str, Any]:
@@ -43,6 +56,8 @@ def _for_people(facts: dict[str, Any], given: str | None) -> dict[str, Any]:
             said["unit"] = f"{given}, as you say; the file says {unit or 'none'}"
         gaps = said.pop("missing_of_marker")
         said["have gaps"] = [f"{name} {100 * share:.3g}%" for name, share in gaps.items()]
+        spans = [(name, *span) for name, some in said.pop("filled").items() for span in some]
+        said["filled"] = [f"{name} {first} to {last}" for name, first, last in spans]
     if "missing" in facts:
         said["missing"] = f"{100 * facts['missing']:.3g} % of the samples"
     if facts.get("size"):

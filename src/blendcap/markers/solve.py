@@ -13,6 +13,7 @@ import numpy as np
 from blendcap.data import Animation, Binding, InputError, MarkerTake, Rig, Solution
 from blendcap.data.names import listed
 from blendcap.markers.cleaning import drop_spikes, fill_gaps
+from blendcap.markers.filled import FilledStretch, drop_stretches, filled_stretches
 from blendcap.markers.helmet import paper_columns, paper_motion, pivot, remove_motion, rigid_columns, rigid_motion
 from blendcap.markers.stabilization import stabilize, stabilize_live
 from blendcap.solving.answer import Answer
@@ -28,6 +29,7 @@ log = logging.getLogger(__name__)
 
 HEAD_MOVES = 3.0  # mm: markers that go farther than this as one body have a head that moves, not a helmet that slips
 WARM_UP = 1.0  # seconds in which the live solve measures the noise
+NAMED = 12  # stretches that a warning names; the answer's settings name all
 NO_NOISE = 0.01  # mm: assumed where a take is too short or too gappy to tell
 
 
@@ -100,7 +102,7 @@ def solve(
     curves = None if patches is None else curves_for(rig.names, patches, times, patches_offset, rig.name)
     clock = _Clock(progress)
     clock.begin("cleaning")
-    cleaned = _cleaned(take, binding, settings)
+    cleaned, filled = _cleaned(take, binding, settings)
     clock.begin("head motion")
     surface, deltas = rig.sample(binding.points)
     rest = surface + binding.offsets
@@ -121,7 +123,8 @@ def solve(
         rig, take.rate, binding.points.names, rest, head, answer, errors, curves, settings, clock.seconds
     )
     animation = replace(solution.animation, weights=full * solution.animation.weights)
-    return replace(solution, animation=animation)
+    made_up = {"filled by other software": "; ".join(map(str, filled))} if filled else {}
+    return replace(solution, animation=animation, settings={**solution.settings, **made_up})
 
 
 def _solution(
@@ -168,7 +171,10 @@ def _check(rig: Rig) -> None:
         raise InputError(f"The bounds of the shape {name!r} leave it one value; widen them, or drop it by Rig.select.")
 
 
-def _cleaned(take: MarkerTake, binding: Binding, settings: SolveSettings) -> MarkerTake:
+def _cleaned(
+    take: MarkerTake, binding: Binding, settings: SolveSettings
+) -> tuple[MarkerTake, tuple[FilledStretch, ...]]:
+    """The bound markers as far as they were measured, and the stretches in which they were not."""
     lacking = [name for name in binding.points.names if name not in take.names]
     if lacking:
         raise InputError(
@@ -180,8 +186,16 @@ def _cleaned(take: MarkerTake, binding: Binding, settings: SolveSettings) -> Mar
         name = part.names[int(lost.argmax())]
         raise InputError(f"The marker {name!r} is missing in every frame; leave it out of the correspondences.")
     if settings.method == "live":
-        return part  # to bridge a gap or to tell a spike takes the frame after it
-    return fill_gaps(drop_spikes(part), settings.longest_gap)
+        return part, ()  # to bridge a gap, or to tell a spike or a bridge, takes the frames after it
+    filled = filled_stretches(take, settings.longest_gap)  # markers that are not bound may be their sources
+    filled = tuple(stretch for stretch in filled if stretch.marker in part.names)
+    if filled:
+        log.warning(
+            "Other software filled gaps; what it made up counts as missing (as in all gaps longer than longest_gap): "
+            "%s.",
+            listed([str(stretch) for stretch in filled], NAMED),
+        )
+    return fill_gaps(drop_spikes(drop_stretches(part, filled)), settings.longest_gap), filled
 
 
 def _without_head(

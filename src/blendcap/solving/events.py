@@ -31,6 +31,7 @@ LEVELS = np.linspace(0, 1, 25)
 BLIND = (LEVELS[1] - LEVELS[0]) / 2  # what the grid cannot tell is as good as noise
 FASTEST = 60.0  # frames a second that the model looks at; what is between says nothing more
 ROUNDS = 3
+LOST = 0.1  # of what frames usually tell of a lid: one that tells less may have lost its markers
 
 
 def told_by_frames(
@@ -95,6 +96,22 @@ def lid_events(
         if len(pair) > 1:
             chance[:, i] = np.maximum(chance[:, i], step_chances(told[:, i], precision[:, i], rate)[0])
     return chance, calm
+
+
+def hidden(precision: np.ndarray, guess: float, quick: np.ndarray, partner: np.ndarray) -> np.ndarray:
+    """(T, N) bool: frames that tell less of a quick shape and its partner than a guess does, though others do.
+
+    What other markers hint at then, a brow that the rig does not follow, is no blink.
+
+    Parameters
+    ----------
+    precision, quick, partner
+        As in `lid_events`.
+    guess : float
+        Standard deviation of a weight before a frame is seen.
+    """
+    both = precision + np.where(partner != np.arange(len(partner)), precision[:, partner], 0.0)
+    return quick & (both < guess**-2) & (both < LOST * np.median(both, axis=0))
 
 
 def _pooled(told: np.ndarray, precision: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -13,11 +13,12 @@ from blendcap.data import Certificate
 from blendcap.numerics.boxseq import solve_box_sequence
 from blendcap.solving.answer import Answer
 from blendcap.solving.curves import CURVE_ERROR, Curves
-from blendcap.solving.events import FREE, lid_events, told_by_frames
+from blendcap.solving.events import FREE, hidden, lid_events, told_by_frames
 from blendcap.solving.prior import (
     HELMET_RIDGE,
     HELMET_STEP,
     HOLD,
+    REACH,
     START_DEVIATION,
     TakePrior,
     posterior,
@@ -240,6 +241,7 @@ def _learned(
     factors = step_weights(weights, prior, kinship.mirror)
     told = told_by_frames(weighed, unknowns, noise, terms.curves, (noise / terms.told_error) ** 2)
     chance, calm = lid_events(*told, kinship.quick, kinship.partner, rate)
+    chance[hidden(told[1], REACH, kinship.quick, kinship.partner)] = 0.0
     free = np.maximum(step_variance(FREE, rate), calm)
     prior = replace(prior, steps=np.where(kinship.quick, calm, prior.steps))
     factors = np.where(kinship.quick, (calm / free) ** chance, factors)

@@ -58,7 +58,8 @@ class SolveSettings:
     stable : (K,) str
         Names of markers that do not move with the face; found from the take if empty.
     longest_gap : float
-        Seconds; shorter gaps of a marker are filled before the solve, longer ones stay missing.
+        Seconds; shorter gaps of a marker are filled before the solve, longer ones stay missing, and so do longer ones
+        that other software filled.
     noise : float, optional
         Standard deviation of a marker coordinate, mm; estimated from the take if not given.
     model_error : float
