@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from blendcap.cli.answers import AsJson, print_json, print_lines
+from blendcap.data import MarkerTake
 
 ALL = 10_000  # names to print
 
@@ -26,24 +27,21 @@ def info(
     """
     from blendcap.io import describe
 
-    facts = describe(file, unit)
-    if facts["kind"] == "markers":
-        facts["filled"] = _filled(file, unit or (None if facts["unit"] else "mm"))
+    facts = describe(file, unit, of_take=_filled)
     if as_json:
         print_json(facts)
     else:
         print_lines(_for_people(facts, unit), most=ALL)
 
 
-def _filled(file: Path, unit: str | None) -> dict[str, list[tuple[int, int]]]:
-    """{marker: (first, last) frames} that other software filled."""
-    from blendcap.io import read_markers
+def _filled(take: MarkerTake) -> dict[str, dict[str, list[tuple[int, int]]]]:
+    """Where other software filled a marker's gaps: first and last frames."""
     from blendcap.markers.filled import filled_stretches
 
     spans: dict[str, list[tuple[int, int]]] = {}
-    for stretch in filled_stretches(read_markers(file, unit=unit)):
+    for stretch in filled_stretches(take):
         spans.setdefault(stretch.marker, []).append((stretch.first, stretch.last))
-    return spans
+    return {"filled": spans}
 
 
 def _for_people(facts: dict[str, Any], given: str | None) -> dict[str, Any]:

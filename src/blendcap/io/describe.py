@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -54,7 +55,9 @@ def read_any(path: str | os.PathLike, unit: str | None = None) -> Record:
     )
 
 
-def describe(path: str | os.PathLike, unit: str | None = None) -> dict[str, Any]:
+def describe(
+    path: str | os.PathLike, unit: str | None = None, *, of_take: Callable[[MarkerTake], dict[str, Any]] = lambda _: {}
+) -> dict[str, Any]:
     """What a file holds, ready for JSON.
 
     `kind` is rig, mesh, markers, animation, video, cameras, points, places or model.
@@ -64,19 +67,21 @@ def describe(path: str | os.PathLike, unit: str | None = None) -> dict[str, Any]
     path : path
     unit : str, optional
         Unit of length of a rig, a mesh or markers, in place of what the file states.
+    of_take : callable
+        What else is to be said of a marker take.
 
     Raises
     ------
     InputError
         If there is no such file, it is broken, none of these, or has no lengths that a unit could be given for.
     """
-    facts = _facts(path, unit)
+    facts = _facts(path, unit, of_take)
     if unit is not None and facts["kind"] not in ("rig", "mesh", "markers"):
         raise InputError(f"{path} holds no lengths that --unit (unit=) could change; leave it out.")
     return facts
 
 
-def _facts(path: str | os.PathLike, unit: str | None) -> dict[str, Any]:
+def _facts(path: str | os.PathLike, unit: str | None, of_take: Callable[[MarkerTake], dict]) -> dict[str, Any]:
     kind = Path(path).suffix.lower()
     if kind in FILMS:
         return _film(path)
@@ -85,7 +90,7 @@ def _facts(path: str | os.PathLike, unit: str | None) -> dict[str, Any]:
     if kind == ".npz" and (model := _model(path)):
         return model
     if kind in formats.MARKERS and (kind != ".csv" or _holds_markers(path)):
-        return _take(path, unit)
+        return _take(path, unit, of_take)
     record = read_any(path, unit)
     if isinstance(record, Rig):
         return {"kind": "rig", "name": record.name, "shapes": list(record.names), "points": {k: len(v.names) for k, v in
@@ -106,7 +111,7 @@ def _holds_markers(path: str | os.PathLike) -> bool:
         return not is_live_link(table) and is_marker_table(table)
 
 
-def _take(path: str | os.PathLike, unit: str | None) -> dict[str, Any]:
+def _take(path: str | os.PathLike, unit: str | None, of_take: Callable[[MarkerTake], dict]) -> dict[str, Any]:
     """A marker take; `size` is what its first frames span, in mm if its unit is known, else in the file's own."""
     stated = formats.unit_of_markers(path)
     known = unit is not None or is_unit(stated)
@@ -117,7 +122,7 @@ def _take(path: str | os.PathLike, unit: str | None) -> dict[str, Any]:
     return {"kind": "markers", "frames": len(take.positions), "rate": take.rate,
             "seconds": len(take.positions) / take.rate, "file_unit": stated or None, "unit": "mm" if known else None,
             "size": _size(seen) if len(seen) else None, "markers": list(take.names), "missing": float(lost.mean()),
-            "missing_of_marker": gaps, "timecode": take.timecode}  # fmt: skip
+            "missing_of_marker": gaps, "timecode": take.timecode, **of_take(take)}  # fmt: skip
 
 
 def _film(path: str | os.PathLike) -> dict[str, Any]:
