@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, Literal
 
+import blendcap
 from blendcap.cli.answers import AsJson, print_json, print_lines
-from blendcap.data import MarkerTake
 
 ALL = 10_000  # names to print
 
@@ -34,7 +34,7 @@ def info(
         print_lines(_for_people(facts, unit), most=ALL)
 
 
-def _filled(take: MarkerTake) -> dict[str, dict[str, list[tuple[int, int]]]]:
+def _filled(take: blendcap.MarkerTake) -> dict[str, dict[str, list[tuple[int, int]]]]:
     """Where other software filled a marker's gaps: first and last frames."""
     from blendcap.markers.filled import filled_stretches
 
