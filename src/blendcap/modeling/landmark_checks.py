@@ -14,12 +14,12 @@ from blendcap.numerics.surfaces import face_normals
 
 ODD = 0.4  # of the landmarks' spread: one that lies so far from where the others put it is likely another place
 MIRRORED = 0.5  # landmarks that fit the mirrored template with less than this of their misfit have their sides swapped
-MISFIT = 0.1  # of the spread: landmarks that fit this well are not looked at for exchanged ones
+MISFIT = 0.1  # of the spread: landmarks that fit this well are all alike to a robust fit
+STRAIGHT = 0.2  # of the spread along a line: landmarks that spread less beside it lie on it
 APART = 0.2  # of the spread: two exchanged ones lie farther than this from their places
 AROUND = 0.3  # of the spread: how far around a landmark the surface tells outside from inside
 TIP = 0.5  # of the spread: how far outside of each landmark the point lies that tells outside from inside
 NEAR, MOST = 2.0, 0.8  # of the spread: how far around the landmarks, and which share of it, is to lie on the scan
-OFF = 0.2  # of the spread: farther from the scan than this is off it
 SAMPLES = 500  # vertices of the template
 WORST = 40  # landmarks at most that are tried for exchange
 
@@ -47,23 +47,27 @@ def check_landmarks(names: Sequence[str], here: np.ndarray, there: np.ndarray, t
     """
     spread = _spread(there)
     ours, scanned = _raised(here, template), _raised(there, scan)
-    if _misfit(ours, scanned) > MISFIT * spread:
-        plain, mirror = (_untangled(side, scanned, spread) for side in (ours, ours * [-1.0, 1.0, 1.0]))
-        fewer = MIRRORED * mirror[1] < plain[1] and len(mirror[0]) < len(plain[0])
-        if mirror[1] < ODD * spread and (fewer or mirror[1] < MIRRORED * plain[1]):
-            but = f", but for {_listed(names, mirror[0])}" if mirror[0] else ""
-            raise InputError(
-                f"The landmarks fit the mirror image of the template{but}: left and right are swapped (left is the "
-                "subject's left), or the scan's triangles face inwards."
-            )
-        if not plain[0] and _mirrored_surface(here, there, template, scan):
-            raise InputError("With these landmarks only the mirror image of the template meets the scan: left and "
-                             "right are swapped; left is the subject's left.")  # fmt: skip
-        if plain[0] and plain[1] < ODD * spread:
-            raise InputError(
-                f"The landmarks {_listed(names, plain[0])} lie where each other should: exchange them; "
-                "left is the subject's left."
-            )
+    plain, mirror = (_untangled(side, scanned, spread) for side in (ours, ours * [-1.0, 1.0, 1.0]))
+    if len(mirror[0]) < len(plain[0]) and mirror[1] < min(plain[1] / MIRRORED, ODD * spread):
+        but = f", but for {_listed(names, mirror[0])}" if mirror[0] else ""
+        raise InputError(
+            f"The landmarks fit the mirror image of the template{but}: left and right are swapped (left is the "
+            "subject's left), or the scan's triangles face inwards."
+        )
+    if plain[0] and plain[1] < ODD * spread:
+        raise InputError(
+            f"The landmarks {_listed(names, plain[0])} lie where each other should: exchange them; "
+            "left is the subject's left."
+        )
+    if _mirrored_surface(here, there, template, scan):
+        raise InputError(
+            "With these landmarks only the mirror image of the template meets the scan: left and right are swapped; "
+            "left is the subject's left."
+        )
+    along, beside, _ = np.linalg.svd(there - there.mean(0), compute_uv=False)
+    if beside < STRAIGHT * along:
+        _log.warning("The landmarks lie nearly on a line, which tells neither where up is nor how far a head nods; add "
+                     "one beside it, as the tip of the nose.")  # fmt: skip
     _check_each(names, here, there, spread)
 
 
@@ -80,7 +84,7 @@ def _mirrored_surface(here: np.ndarray, there: np.ndarray, template: Mesh, scan:
         float(np.quantile(tree.query(apply(around * side, *align(here * side, there)))[0], MOST))
         for side in (np.ones(3), np.array([-1.0, 1.0, 1.0]))
     )
-    return plain > OFF * _spread(there) and mirror < MIRRORED * plain
+    return mirror < MIRRORED * plain
 
 
 def _listed(names: Sequence[str], pairs: list[tuple[int, int]]) -> str:
@@ -117,9 +121,6 @@ def _untangled(ours: np.ndarray, scanned: np.ndarray, spread: float) -> tuple[li
     for _ in range(len(ours) // 2):
         away = _away(ours[order], scanned)
         worst = np.argsort(away.max(1))[::-1][:WORST]
-        worst = worst[away[worst].max(1) > APART * spread]
-        if len(worst) < 2:
-            break
         first, second = (worst[k] for k in np.triu_indices(len(worst), 1))
         tried = np.tile(order, (len(first), 1))
         rows = np.arange(len(first))
@@ -134,8 +135,7 @@ def _untangled(ours: np.ndarray, scanned: np.ndarray, spread: float) -> tuple[li
     gap = np.linalg.norm(placed[:, None] - scanned[None, :, 0], axis=2)  # from each place of the template to each found
     sure, order = [], np.arange(len(ours))
     for i, j in sorted(found):
-        own = min(gap[i, i], gap[j, j])
-        if own > APART * spread and max(gap[i, j], gap[j, i]) < MIRRORED * own:
+        if max(gap[i, j], gap[j, i]) < MIRRORED * min(gap[i, i], gap[j, j]):
             sure.append((i, j))
             order[[i, j]] = j, i
     return sure, _misfit(ours[order], scanned)
@@ -164,7 +164,7 @@ def _fit(ours: np.ndarray, scanned: np.ndarray):
 
 
 def _away(ours: np.ndarray, scanned: np.ndarray) -> np.ndarray:
-    """Distances (..., L, 2) that are left between landmarks (..., L, 2, 3) when they are aligned."""
+    """Distances (..., L, K) that are left between landmarks (..., L, K, 3) when they are aligned."""
     placed = apply(ours.reshape(*ours.shape[:-3], -1, 3), *_fit(ours, scanned))
     return np.linalg.norm(placed.reshape(ours.shape) - scanned, axis=-1)
 
