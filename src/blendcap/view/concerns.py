@@ -7,6 +7,7 @@ from scipy.ndimage import uniform_filter1d
 
 from blendcap.data import Binding, Rig, Solution
 from blendcap.data.names import canonical, listed
+from blendcap.view.parted_lips import parted_lips
 from blendcap.view.plots import marker_errors
 from blendcap.view.posing import weights_on
 
@@ -33,6 +34,7 @@ def concerns(rig: Rig, solution: Solution, binding: Binding | None = None) -> li
         *_conflicts(rig, solution),
         *_disagreement(solution),
         *_limits(rig, solution),
+        *_lips(rig, solution, binding),
     ]
 
 
@@ -54,6 +56,18 @@ def _trouble_of_the_solve(solution: Solution, binding: Binding | None) -> list[s
             "neutral, or labels may be exchanged."
         )
     return said
+
+
+def _lips(rig: Rig, solution: Solution, binding: Binding | None) -> list[str]:
+    parted = None if binding is None else parted_lips(rig, solution, binding)
+    if parted is None:
+        return []
+    apart, first, last = parted
+    return [
+        f"The lips are up to {apart:.1f} mm apart {_when(solution, first, last)}, while the markers above and below "
+        "them are about as close as at rest. No marker sits where lips meet: compare with the recording, and close "
+        "them by hand if they were shut."
+    ]
 
 
 def _misplaced(rig: Rig, binding: Binding | None) -> list[str]:
