@@ -279,17 +279,53 @@ def test_a_pixel_that_looks_into_a_gap_moves_to_its_edge():
         (-8, 8, np.inf, True),  # each on its own rim
         (-8, -8, 2.0, True),  # over an eyeball: nothing is known to be wrong
         (0, 0, 0.0, True),  # shut
+        (-8, -6, np.inf, False),  # near each other
+        (-7, -7, np.inf, False),  # a pixel inside of the rim
+        (-7, 7, np.inf, True),
+        (-4, 8, np.inf, False),  # beyond it
     ],
 )
 def test_lines_that_were_lost_in_a_gap_are_left_out(upper, lower, behind, kept):
     x, y = np.meshgrid(np.arange(120), np.arange(80))
     arch = np.clip(1 - ((x - 60) / 30) ** 2, 0, None)
     depth = np.where(np.abs(y - 40) < 8 * arch - 0.5, 100.0 + behind, 100.0) + 0.1 * (x - 30)  # one corner farther back
+    assert len(without_lost(lid_lines(upper, lower), depth, 5.0)) == (2 if kept else 0)
+
+
+def lid_lines(upper, lower):
+    """The two lines of a lid, 60 pixels long, that rise and fall by so many pixels."""
     columns = np.arange(30, 91)
     rise = 1 - ((columns - 60) / 30) ** 2
-    lines = {"lids_upper_left": np.stack([columns, 40 + upper * rise], 1),
-             "lids_lower_left": np.stack([columns, 40 + lower * rise], 1)}  # fmt: skip
-    assert len(without_lost(lines, depth, 5.0)) == (2 if kept else 0)
+    return {"lids_upper_left": np.stack([columns, 40 + upper * rise], 1),
+            "lids_lower_left": np.stack([columns, 40 + lower * rise], 1)}  # fmt: skip
+
+
+@pytest.mark.parametrize("back", [0.2, -0.2])
+def test_a_lid_that_is_turned_away_is_no_gap(back):
+    """Its far corner lies 12 mm behind the near one; a gap of 8 mm in its middle is one still."""
+    x, y = np.meshgrid(np.arange(120), np.arange(80))
+    turned = 100.0 + back * (x - 60) + 6
+    gap = np.where((np.abs(x - 60) < 20) & (np.abs(y - 40) < 6), 8.0, 0.0)
+    assert len(without_lost(lid_lines(0, 0), turned, 5.0)) == 2
+    assert len(without_lost(lid_lines(-8, 0), turned + gap, 5.0)) == 0
+
+
+@pytest.mark.parametrize(
+    ("upper", "lower", "hole", "kept"),
+    [
+        (-6, 6, (slice(29, 33), slice(45, 76)), True),  # beside lids that are open
+        (-2, 2, (slice(29, 33), slice(45, 76)), False),  # and beside lids that are taken to be shut
+        (0, 0, (slice(29, 33), slice(45, 50)), True),  # beside a few pixels of them
+        (-8, 0, (slice(34, 46), slice(50, 53)), True),  # on a tenth of a line
+        (-8, 0, (slice(34, 46), slice(50, 60)), False),  # on a third of it
+        (-8, 0, (slice(30, 50), [*range(30, 38), *range(83, 91)]), True),  # at its ends, where lids meet
+    ],
+)
+def test_a_hole_counts_where_lids_are_looked_for(upper, lower, hole, kept):
+    depth = np.full((80, 120), 100.0)
+    depth[hole] = np.inf
+    depth[40, [30, 90]] = 100.0  # the corners themselves are there
+    assert len(without_lost(lid_lines(upper, lower), depth, 5.0)) == (2 if kept else 0)
 
 
 @pytest.mark.slow
