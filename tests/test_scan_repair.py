@@ -4,8 +4,16 @@ import numpy as np
 import pytest
 
 import masks
-from blendcap.data import InputError, Mesh
-from blendcap.modeling.scan_repair import UNITS, clustered, ready_scan, unit_by_face
+from blendcap.data import InputError, Mesh, Rig, SurfacePoints
+from blendcap.modeling.scan_repair import (
+    UNITS,
+    check_unit,
+    clustered,
+    ready_scan,
+    resized,
+    unit_by_face,
+    unit_by_landmarks,
+)
 from blendcap.numerics.surfaces import face_normals
 
 SCAN = masks.scan()
@@ -34,6 +42,64 @@ def test_the_size_of_the_face_tells_the_unit():
     assert unit_by_face(0.95) == (1.0, None)
     unit, said = unit_by_face(1 / 53)
     assert unit == pytest.approx(53) and "scaled by 53 to be as large as the template's" in str(said)
+
+
+FITS, NOTHING = None, ""  # what is said of a unit: nothing at all, or that no other is better
+TEMPLATE = Rig(SCAN, np.zeros((0, len(SCAN.vertices), 3)), ())
+
+
+@pytest.mark.parametrize(
+    ("stated", "size", "better"),
+    [
+        ("mm", 0.55, FITS), ("cm", 0.75, FITS), ("mm", 1.9, FITS), ("mm", 2.4, NOTHING), ("mm", 0.3, NOTHING),
+        ("m", 1000.0, "mm"), ("cm", 10.0, "mm"), ("mm", 0.1, "cm"), ("in", 2.54, "cm"), ("mm", 1 / 25.4, "in"),
+    ],
+)  # fmt: skip
+def test_a_stated_unit_is_held_against_the_face(stated, size, better):
+    """With landmarks: `size` is how many times as large as the template's face it is in that unit."""
+    points = SurfacePoints.at_vertices(("a", "b", "c", "d"), [0, 200, 400, 600], SCAN)
+    pairs = points, size * points.positions(SCAN)
+    if better:
+        with pytest.raises(InputError, match=rf"its face is .* times as large as the template's, .* --unit {better}\."):
+            check_unit(stated, SCAN, pairs, TEMPLATE)
+    else:
+        said = check_unit(stated, SCAN, pairs, TEMPLATE)
+        assert said is None if better is FITS else "leave the unit out to have it scaled" in str(said)
+
+
+@pytest.mark.parametrize(
+    ("stated", "size", "better"),
+    [
+        ("mm", 65.0, FITS), ("cm", 1200.0, FITS), ("mm", 55.0, "cm"), ("mm", 5.0, "in"), ("dm", 1400.0, "cm"),
+        ("m", 280_000.0, "mm"), ("mm", 0.001, NOTHING), ("m", 1e9, NOTHING),
+    ],
+)  # fmt: skip
+def test_a_stated_unit_is_held_against_the_whole_scan(stated, size, better):
+    """Without landmarks: `size` is the longest side in that unit, mm."""
+    whole = SCAN.with_vertices(size / np.ptp(SCAN.vertices, axis=0).max() * SCAN.vertices)
+    if better:
+        with pytest.raises(InputError, match=rf"its head is .* mm long, .* --unit {better}\."):
+            check_unit(stated, whole, None, TEMPLATE)
+    else:
+        said = check_unit(stated, whole, None, TEMPLATE)
+        assert said is None if better is FITS else "leave the unit out to have it scaled" in str(said)
+
+
+@pytest.mark.parametrize(("size", "changed"), [(0.85, False), (1.2, False), (0.75, True), (1.3, True)])
+def test_a_guessed_unit_that_gives_no_face_is_mended(size, changed):
+    ready = ready_scan(SCAN, unit_mm=2.0)
+    other = resized(ready, size)
+    assert (other is not ready) == changed
+    if changed:
+        np.testing.assert_allclose(other.mesh.vertices, ready.mesh.vertices / size)
+        assert other.unit_mm == pytest.approx(2 / size) and "so the unit was wrong" in other.notes[-1]
+
+
+def test_two_landmarks_tell_no_unit():
+    points = SurfacePoints.at_vertices(("a", "b", "c"), [0, 200, 400], SCAN)
+    assert unit_by_landmarks((points.select(["a", "b"]), np.eye(3)[:2]), TEMPLATE) == (None, None)
+    assert unit_by_landmarks(None, TEMPLATE) == (None, None)
+    assert unit_by_landmarks((points, points.positions(SCAN) / 10), TEMPLATE)[0] == 10
 
 
 def test_triangles_that_face_inwards_are_turned():
