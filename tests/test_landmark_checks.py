@@ -158,6 +158,7 @@ def test_what_was_found_where_the_others_do_not_put_it_is_left_out(monkeypatch, 
     assert pairs is not None and len(pairs[1]) == kept
     np.testing.assert_allclose(pairs[0].positions(RIG.mesh), pairs[1])
     assert [all(name in note for name in wrong) for note in notes] == [True] * bool(wrong)
+    assert [", with lines that end there" in note for note in notes] == [kept == 46] * bool(wrong)
 
 
 def test_landmarks_that_were_found_all_over_are_not_used(monkeypatch):
@@ -166,6 +167,19 @@ def test_landmarks_that_were_found_all_over_are_not_used(monkeypatch):
     monkeypatch.setattr("blendcap.modeling.landmark_pairs.find_landmarks", lambda _: found)
     pairs, notes = find_pairs(RIG.mesh, RIG)
     assert pairs is None and "contradict each other" in notes[0]
+
+
+@pytest.mark.parametrize(("names", "wrong", "used"), [
+    (SEVEN, {"nose_tip": "eye_outer_left", "lip_corner_left": "eye_outer_right"}, True),
+    (FIVE, {"nose_tip": "eye_outer_left", "lip_corner_left": "eye_outer_right"}, False), (FIVE[:2], {}, False),
+])  # fmt: skip
+def test_those_that_were_found_are_used_if_most_agree(monkeypatch, names, wrong, used):
+    rows = [ALL.names.index(wrong.get(name, name)) for name in names]
+    found = SurfacePoints(names, ALL.faces[rows], ALL.barycentric[rows])
+    monkeypatch.setattr("blendcap.modeling.landmark_pairs.find_landmarks", lambda _: found)
+    pairs, notes = find_pairs(RIG.mesh, RIG)
+    assert (pairs is not None) == used and len(notes) == 1
+    assert pairs is None or set(pairs[0].names) == set(names) - set(wrong)
 
 
 def test_of_three_landmarks_that_were_found_none_may_be_left_out(monkeypatch):

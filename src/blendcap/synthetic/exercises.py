@@ -20,6 +20,7 @@ WITH = {8: 26, 19: 26}  # what a unit is never seen without
 ASIDE = (30,)  # goes to one side or the other
 INSTEAD = {43: 45, 23: 24, 27: 26, 13: 12, 11: 10}  # the unit that looks most alike, for rigs that lack one
 RISE, HOLD, REST = 0.40, 0.35, 0.55  # seconds
+EXTREME = 4.0  # seconds that each of the papers' two extremes takes
 LEAST = 0.25  # intensity of the first time
 
 
@@ -84,27 +85,27 @@ def action_units(
     return Exercise(animation, play(label_cues, labels, rate, now), tuple(turns))
 
 
-def lip_swing(rig: Rig, rate: float = 60.0, seconds: float = 4.0) -> Animation:
+def lip_swing(rig: Rig, rate: float = 60.0) -> Animation:
     """The lips, puckered, swing from one side to the other: the first extreme of the thesis (4.2.13)."""
-    half, span = 0.3, (seconds - 1.0) / 4
-    cues = [("mouthPucker", 0.2, seconds - 0.2, 0.75, half, half), ("mouthFunnel", 0.2, seconds - 0.2, 0.2, half, half)]
+    half, span = 0.3, (EXTREME - 1.0) / 4
+    cues = [("mouthPucker", 0.2, EXTREME - 0.2, 0.75, half, half), ("mouthFunnel", 0.2, EXTREME - 0.2, 0.2, half, half)]
     for turn in range(4):
         side, start = ("Left", "Right")[turn % 2], 0.45 + turn * span
         for name, level in ((f"mouth{side}", 1.0), (f"jaw{side}", 0.35), (f"noseSneer{side}", 0.2)):
             cues.append((name, start, start + 1.15 * span, level, span / 2, span / 2))
-    return _named(cues, rig, rate, seconds)
+    return _named(cues, rig, rate, EXTREME)
 
 
-def frown(rig: Rig, rate: float = 60.0, seconds: float = 4.0) -> Animation:
+def frown(rig: Rig, rate: float = 60.0) -> Animation:
     """Brows down and together, the corners of the mouth down, twice: the second extreme of the thesis (4.2.13)."""
     levels = {"browDown": 1.0, "mouthFrown": 1.0, "eyeSquint": 0.45, "noseSneer": 0.3, "mouthPress": 0.2}
     cues = []
-    for start, level in ((0.3, 0.6), (seconds / 2 + 0.1, 1.0)):
-        cue = (start, start + seconds / 2 - 0.4)
+    for start, level in ((0.3, 0.6), (EXTREME / 2 + 0.1, 1.0)):
+        cue = (start, start + EXTREME / 2 - 0.4)
         cues += [(name + side, *cue, level * share, 0.45, 0.45) for name, share in levels.items()
                  for side in ("Left", "Right")]  # fmt: skip
         cues.append(("mouthShrugLower", *cue, 0.6 * level, 0.45, 0.45))
-    return _named(cues, rig, rate, seconds)
+    return _named(cues, rig, rate, EXTREME)
 
 
 def _named(cues: list[tuple], rig: Rig, rate: float, seconds: float) -> Animation:

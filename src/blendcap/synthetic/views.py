@@ -38,27 +38,19 @@ def one_camera(performer: Performer, animation: Animation, *, seed: int, size: t
     return film("camera", performer, animation, camera, size, take, seed=seed)
 
 
-def photographs(
-    performer: Performer, *, seed: int, size: tuple[int, int] = (720, 960), weights: np.ndarray | None = None
-) -> tuple[Shot, ...]:
-    """Three pictures of one frame each, from the subject's left, the front and the right, one after the other.
+def photographs(performer: Performer, *, seed: int, size: tuple[int, int] = (720, 960)) -> tuple[Shot, ...]:
+    """Three pictures of the neutral face, from the subject's left, the front and the right, one after the other.
 
     The head has moved a little between them, and no two are exposed alike.
-
-    Parameters
-    ----------
-    weights : (N,), optional
-        The expression; neutral if not given.
     """
     rng = np.random.default_rng(seed)
     names, rig = performer.names, performer.rig
-    weights = np.zeros(len(names)) if weights is None else np.asarray(weights, dtype=np.float64)
     light = one_light((rng.uniform(-0.5, 0.5), 0.5, 1.0), 0.75, 0.5, gloss=0.12)
     background = np.ones((size[1], size[0], 3)) * rng.uniform(0.5, 0.75)
     shots = []
     for number, (name, angle) in enumerate(ANGLES.items()):
         head = motion_matrices(rng.normal(size=(1, 6)) * np.repeat([2.5, np.deg2rad(1.5)], 3), _neck(rig))
-        still = Animation(weights[None], names, 1.0, head)
+        still = Animation(np.zeros((1, len(names))), names, 1.0, head)
         camera = _camera(rig, size, angle + 2 * rng.normal(), 2 * rng.normal(), 1300.0, 0.50, rng)
         gain = np.full((1, 3), np.exp(0.08 * rng.normal()))
         take = Take(light, background, gain, shutter=1 / 125, well=20000.0)

@@ -35,7 +35,6 @@ def write_report(
     alone: Solution | None = None,
     patches: Animation | None = None,
     video: str | Path | None = None,
-    title: str = "",
     next_steps: Sequence[str] = (),
 ) -> None:
     """Write a solve as one HTML page that asks nothing from outside.
@@ -52,8 +51,6 @@ def write_report(
         The curves of the patches, to be drawn between the two.
     video : path, optional
         A preview (.mp4, .gif) to put into the page, if it has less than 8 MB.
-    title : str
-        The rig's name if not given.
     next_steps : sequence of str
         What the reader should open next.
     """
@@ -75,7 +72,7 @@ def write_report(
         ("What was asked, and what it took", _settings(solution)),
         ("What to open next", page.sentences(next_steps)),
     ]
-    html = page.page(title or f"Solve on {rig.name}", lead, sections)
+    html = page.page(f"Solve on {rig.name}", lead, sections)
     with write_whole(path) as temporary:
         temporary.write_text(html, encoding="utf-8")
 

@@ -18,6 +18,7 @@ from blendcap.synthetic.mannequin.subdivision import LEVELS, Surface, refined
 
 AXIS = -20.0  # z of the cylinder's axis, mm
 FLOOR = 0.35  # the skin's chart lies above, all others below
+ROUNDS = 3  # in which the folds of the skin are smoothed
 CELLS = {  # left, bottom, width and height
     "eye": (0.005, 0.005, 0.33, 0.33),
     "ear": (0.345, 0.03, 0.28, 0.28),
@@ -122,7 +123,7 @@ def _height(points: np.ndarray) -> np.ndarray:
     return np.where(y > 60, crown, np.where(y < -115, -115 + 0.5 * (y + 115), y))
 
 
-def _unfolded(rolled: np.ndarray, quads: np.ndarray, rounds: int = 3) -> np.ndarray:
+def _unfolded(rolled: np.ndarray, quads: np.ndarray) -> np.ndarray:
     """Coordinates near `rolled` (V, 2), smoothed more and more around quads that are turned over."""
     count, flat, hold = len(rolled), rolled, np.full(len(rolled), 5.0)
     ends = np.concatenate([quads[:, [k, (k + 1) % 4]] for k in range(4)])
@@ -130,7 +131,7 @@ def _unfolded(rolled: np.ndarray, quads: np.ndarray, rounds: int = 3) -> np.ndar
     a, b = np.concatenate([ends, ends[:, ::-1]]).T
     near = sparse.csr_matrix((np.ones(len(a)), (a, b)), shape=(count, count))
     degree = np.asarray(near.sum(1)).ravel()
-    for _ in range(rounds):
+    for _ in range(ROUNDS):
         first, second = flat[quads[:, 2]] - flat[quads[:, 0]], flat[quads[:, 3]] - flat[quads[:, 1]]
         area = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
         if (area > 0).all():
