@@ -11,7 +11,7 @@ from PIL import Image
 
 import blendcap
 from blendcap.cli import main
-from blendcap.cli.facs import _check_films
+from blendcap.cli.facs_inputs import _check_films
 from blendcap.data import Camera, InputError
 from blendcap.io import read_video, write_video
 from blendcap.io.cameras import read_cameras, write_cameras
@@ -128,8 +128,8 @@ def weak(tmp_path, monkeypatch):
     model = replace(model, weights=0.6 * model.weights, offsets=0.6 * model.offsets)
     machine = replace(trained, models=[model])
     write_model(tmp_path / "m.npz", KIND, VERSION, *pack(machine))
-    monkeypatch.setattr("blendcap.cli.facs._stage", lambda *_: ([], Setup({}, [], [])))
-    monkeypatch.setattr("blendcap.cli.facs._blocks", lambda *_: iter([lesson]))
+    monkeypatch.setattr("blendcap.cli.facs.stage", lambda *_: ([], Setup({}, [], [])))
+    monkeypatch.setattr("blendcap.cli.facs.blocks", lambda *_: iter([lesson]))
     needed = [word for option in ("--cameras", "--rig", "--take") for word in (option, "unused")]
     return ["facs", "predict", "unused.mp4", *needed, "--model", str(tmp_path / "m.npz")], machine, lesson
 
@@ -155,7 +155,7 @@ def test_options_of_a_prediction_reach_the_curves(weak, tmp_path):
 
 def test_the_threshold_reaches_the_patches(tmp_path, monkeypatch, capsys):
     film = SimpleNamespace(count=3, size=SIZE, rate=RATE, frames=lambda grey: iter([]))
-    monkeypatch.setattr("blendcap.cli.facs._stage", lambda *_: ([film], Setup({}, [np.zeros((0, 2))], [])))
+    monkeypatch.setattr("blendcap.cli.facs.stage", lambda *_: ([film], Setup({}, [np.zeros((0, 2))], [])))
     (tmp_path / "t.csv").write_text("start,end,unit\n0,1,AU4\n", encoding="utf-8")
     common = [word for option in ("--cameras", "--rig", "--take") for word in (option, "unused")]
     common += ["-o", str(tmp_path / "o.npz"), "--threshold", "-1"]

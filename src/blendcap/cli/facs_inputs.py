@@ -1,0 +1,131 @@
+"""What `facs train` and `facs predict` read: videos, takes, cameras and tables, held against each other."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+import blendcap
+from blendcap.cli.progress import Progress
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from blendcap.io.cameras import Cameras
+    from blendcap.io.video import Video
+    from blendcap.makeup.patches import Patches
+    from blendcap.makeup.setup import Setup
+
+DOT = 0.011  # radius of a marker's dot that is taken off the paint, of the picture's height
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Footage:
+    """Where the patches are in the pictures."""
+
+    cameras: Path
+    """A .json of the calibrated cameras, in the space of the takes."""
+    rig: Path
+    """A rig with the 68 landmarks; the markers lay it over the face."""
+    correspondences: Path | None = None
+    """A .json that says where each marker sits; found if not given."""
+    stable: Annotated[tuple[str, ...], Parameter(negative=(), show_default=False)] = ()
+    """A marker that does not move with the face, by name; repeat it for at least three. Found if not given."""
+    threshold: float | None = None
+    """How much brighter than the skin around it paint is, in multiples of the patch's median. Found if not given."""
+
+
+def by_take(
+    videos: Sequence[Path], takes: Sequence[Path], turns: Sequence[Path], weights: Sequence[Path]
+) -> list[tuple[Sequence[Path], Path, Path, Path | None]]:
+    """Videos, markers, turns and weights of each take."""
+    each, over = divmod(len(videos), len(takes))
+    if len(turns) != len(takes) or len(weights) not in (0, len(takes)) or over:
+        raise blendcap.InputError(
+            f"There are {len(takes)} takes, {len(turns)} turns, {len(weights)} weights and {len(videos)} videos; give "
+            "turns for each take, weights for each or none, and every take's videos, take by take."
+        )
+    films = [videos[k * each : (k + 1) * each] for k in range(len(takes))]
+    return list(zip(films, takes, turns, weights or [None] * len(takes), strict=True))
+
+
+def stage(videos: Sequence[Path], take: Path, footage: Footage) -> tuple[list[Video], Setup]:
+    """The videos, checked against cameras and take, and where things are in them."""
+    from blendcap.io import read_correspondences, read_markers, read_rig, read_video
+    from blendcap.io.cameras import read_cameras
+    from blendcap.makeup.setup import locate
+    from blendcap.markers.stabilization import find_stable
+
+    known, the_rig, the_take = read_cameras(footage.cameras), read_rig(footage.rig), read_markers(take)
+    films = [read_video(video) for video in videos]
+    _check_films(films, known, len(the_take.positions), the_take.rate)
+    places = None if footage.correspondences is None else read_correspondences(footage.correspondences)
+    binding = blendcap.bind(the_rig, the_take, places)
+    lenses, sizes = zip(*known.values(), strict=True)
+    bound = the_take.select(binding.points.names)
+    setup = locate(the_rig, the_take, binding, lenses, sizes, footage.stable or find_stable(bound))
+    return films, setup
+
+
+def _check_films(films: list[Video], cameras: Cameras, frames: int, rate: float) -> None:
+    if len(films) != len(cameras):
+        raise blendcap.InputError(
+            f"There are {len(films)} videos, but {len(cameras)} cameras ({', '.join(cameras)}); give one a camera."
+        )
+    for film, (name, (_, size)) in zip(films, cameras.items(), strict=True):
+        other = next((n for n in cameras if n in film.path.stem), None)
+        if other is not None and name not in film.path.stem:
+            raise blendcap.InputError(
+                f"{film.path} stands where the video of the camera {name!r} should, but is named after {other!r}; give "
+                f"the videos in the order of the cameras: {', '.join(cameras)}."
+            )
+        if film.size != size:
+            raise blendcap.InputError(
+                f"{film.path} has pictures of {film.size[0]} x {film.size[1]} pixels, but the camera {name!r} "
+                f"of {size[0]} x {size[1]}; the order of the videos must be that of the cameras."
+            )
+        if abs(film.rate - rate) > 0.01 * rate or film.count != frames:
+            raise blendcap.InputError(
+                f"{film.path} has {film.count} frames at {film.rate:g} a second, but the take {frames} at {rate:g}; "
+                "cut both to the same frames."
+            )
+
+
+def blocks(films: list[Video], setup: Setup, threshold: float | None, progress: Progress) -> Iterator[Patches]:
+    """The patches, block by block, with progress."""
+    from blendcap.makeup.patches import each_block
+
+    done, count = 0, films[0].count
+    pictures = [film.frames(grey=True) for film in films]
+    radius = DOT * films[0].size[1]
+    with progress.step("patches", f"Cut the patches of {count:,} frames", total=count) as tell:
+        for block in each_block(
+            pictures, setup.places, setup.anchors, films[0].rate, dots=setup.dots, dot_radius=radius,
+            threshold=threshold,
+        ):  # fmt: skip
+            done += len(block.sure)
+            tell(done)
+            yield block
+
+
+def table_of(path: Path | None) -> Mapping[str, Mapping[str, float]]:
+    """From units to shapes, ARKit's if there is no file."""
+    from blendcap.io.opening import read_json
+    from blendcap.makeup.units import ARKIT_TABLE
+
+    if path is None:
+        return ARKIT_TABLE
+    table = read_json(path)
+    fits = isinstance(table, dict) and all(
+        isinstance(shapes, dict) and all(isinstance(w, int | float) for w in shapes.values())
+        for shapes in table.values()
+    )
+    if not fits:
+        raise blendcap.InputError(
+            f'{path} must be a JSON object from units to shapes, such as {{"AU4": {{"browLower_L": 1.0}}}}.'
+        )
+    return table
