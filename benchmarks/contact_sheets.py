@@ -2,7 +2,7 @@
 
 python benchmarks/contact_sheets.py [NAME ...]      all of them, or some, such as mannequin-people stage-scan
 
-Sheets with ICT-FaceKit need `BLENDCAP_DATA`, the folder of real data.
+Sheets with ICT-FaceKit or a real scan need `BLENDCAP_DATA`, the folder of real data.
 """
 
 from __future__ import annotations
@@ -15,10 +15,14 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw
 
-from blendcap import Animation, Rig, mannequin
+from blendcap import Animation, Mesh, Rig, mannequin, read_mesh
 from blendcap.data import landmarks68
 from blendcap.data.names import match
 from blendcap.io.ict import read_ict_pack
+from blendcap.modeling.build import build_rig
+from blendcap.modeling.landmark_pairs import find_pairs
+from blendcap.modeling.scan_repair import ready_scan, unit_by_landmarks
+from blendcap.modeling.shut_eyes import keep_eyes_open
 from blendcap.modeling.transfer import transfer
 from blendcap.rendering import face_camera, prepare, prepare_rig, project, shaped
 from blendcap.synthetic.face_paint import paint_face
@@ -30,6 +34,9 @@ from blendcap.synthetic.scans import make_scan
 from blendcap.synthetic.takes import choose_points, make_take
 from blendcap.synthetic.views import five_views, one_camera, photographs
 from blendcap.synthetic.wrinkles import wrinkle
+from blendcap.view.heatmap import heatmap
+from blendcap.view.image import draw_text
+from blendcap.view.posing import framed_vertices
 
 FOLDER = Path(__file__).resolve().parent.parent / "docs" / "pictures"
 PEOPLE = ("plain", "ada", "kofi", "lars", "rosa", "mei", 1, 2, 3, 5, 11, 15)
@@ -39,6 +46,7 @@ SHAPES = (
     "mouthUpperUp", "mouthLowerDown", "mouthFunnel", "mouthPucker", "mouthRollLower", "mouthLeft", "cheekPuff",
     "chinRaise", "jawStretch",
 )  # fmt: skip
+SIDES = (0.0, 0.7, 1.5708)  # yaw, rad
 SMILE = {"mouthSmile": 0.9, "cheekSquint": 0.5}
 ACTED = (
     {},
@@ -193,10 +201,29 @@ def transferred() -> np.ndarray:
                  for title, rig in rigs.items() for name, pose, marks, yaw in CONTACTS), len(CONTACTS))  # fmt: skip
 
 
+def registered() -> np.ndarray:
+    """The pictures of the report of `rig build`: a real head scan, the template aligned, the rig, its distance."""
+    data = Path(os.environ["BLENDCAP_DATA"])
+    template = read_ict_pack(data / "rigs" / "ict_facekit.npz")
+    scan = read_mesh(data / "scans" / "LeePerrySmith" / "LeePerrySmith.obj", "mm")
+    given, _ = find_pairs(scan, template)
+    ready = ready_scan(scan, unit_by_landmarks(given, template)[0])
+    pairs = None if given is None else (given[0], ready.unit_mm * given[1])
+    pairs, free, _ = keep_eyes_open(template, pairs)
+    built = build_rig(template, ready.mesh, pairs, free=free)
+    bare = (Mesh(mesh.vertices, mesh.faces) for mesh in (built.scan, built.start))
+    surfaces = [*(prepare(mesh, (0.80, 0.64, 0.56)) for mesh in bare), prepare_rig(built.rig)]
+    cameras, rows = [face_camera(framed_vertices(built.rig), (300, 360), yaw) for yaw in SIDES], []
+    for label, surface in zip(("scan", "template, aligned", "rig"), surfaces, strict=True):
+        rows.append(np.hstack([surface.picture(camera, (300, 360)) for camera in cameras]))
+        draw_text(rows[-1], label, (10, 350), height=14, anchor="ls")
+    return np.vstack([*rows, heatmap(built.rig, built.registration.distance, size=(900, 420), yaws=SIDES)])
+
+
 SHEETS = {
     "mannequin-people": people, "mannequin-shapes": shapes, "mannequin-smiles": smiles, "looks": looks,
     "ict-painted": ict_painted, "wrinkles": wrinkles, "stage-headcam": head_cameras, "stage-onecamera": one_cameras,
-    "stage-photos": photos, "stage-scan": scan, "transfer": transferred,
+    "stage-photos": photos, "stage-scan": scan, "transfer": transferred, "lee-registered": registered,
 }  # fmt: skip
 
 
