@@ -7,6 +7,7 @@ from scipy.ndimage import uniform_filter1d
 
 from blendcap.data import Binding, Rig, Solution
 from blendcap.data.names import canonical, listed
+from blendcap.solving.shares import full_weights
 from blendcap.view.parted_lips import parted_lips
 from blendcap.view.plots import marker_errors
 from blendcap.view.posing import weights_on
@@ -21,7 +22,7 @@ NAMED = 4  # shapes that nobody sees; the table has them all
 BLINKS = ("eyeBlinkLeft", "eyeBlinkRight")
 MISFIT = 3.0  # mm, of all markers and frames: more than another's face explains
 APART = 0.3  # of a weight: patches and markers disagree
-TOGETHER = 0.25  # weight above which a shape counts in that
+TOGETHER = 0.25  # of a full shape: two that undo each other and are on by more
 
 
 def concerns(rig: Rig, solution: Solution, binding: Binding | None = None) -> list[str]:
@@ -170,7 +171,7 @@ def _when(solution: Solution, first: int, last: int) -> str:
 
 def _conflicts(rig: Rig, solution: Solution) -> list[str]:
     """Pairs of shapes that undo each other and are on together."""
-    weights = weights_on(rig, solution.animation)
+    weights = weights_on(rig, solution.animation) / full_weights(rig)
     used = np.flatnonzero((weights > TOGETHER).any(0))
     motion = rig.deltas.reshape(len(rig.names), -1)[used]
     length = np.sqrt(np.einsum("nv,nv->n", motion, motion, dtype=np.float64))
