@@ -83,7 +83,8 @@ def _most_are_apart(left: np.ndarray, usual: np.ndarray) -> np.ndarray:
 
 
 def _distances(positions: np.ndarray, m: int) -> np.ndarray:
-    return np.linalg.norm(positions - positions[:, [m]], axis=2)
+    arms = positions - positions[:, [m]]
+    return np.sqrt(np.einsum("tkd,tkd->tk", arms, arms))
 
 
 def _along(positions: np.ndarray, m: int, origin: int) -> np.ndarray:

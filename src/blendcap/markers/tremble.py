@@ -29,7 +29,7 @@ def left_by_cubics(coordinates: np.ndarray, step: int = 1) -> np.ndarray:
     is nearly nothing. With a `step` only every such window is looked at.
     """
     left = sliding_window_view(coordinates, WINDOW, axis=0)[::step] @ _LEFT
-    return np.sqrt((left**2).mean((-2, -1)))
+    return np.sqrt(np.einsum("...dk,...dk->...", left, left) / (left.shape[-2] * left.shape[-1]))
 
 
 def calm_runs(left: np.ndarray, usual: np.ndarray) -> list[tuple[int, int]]:
