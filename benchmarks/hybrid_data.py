@@ -111,10 +111,10 @@ def film(
     if not path.exists():
         helmet = mount_head_camera(performer.rig, seed=seed)
         shots = film_head(truth, helmet, seed=seed, makeup=makeup)
-        setup = locate(rig, take, binding, helmet.cameras, [helmet.size] * len(shots), _quietest(rig, points))
+        setup = locate(rig, take, binding, helmet.cameras, [helmet.size] * len(shots))
         reel = [shot.frames() for shot in shots] if spoil is None else _reel(key, shots)
         videos = [_spoilt(view, frames, spoil) for view, frames in enumerate(reel)]
-        cut = extract_patches(videos, setup.places, setup.anchors, take.rate, dots=setup.dots, dot_radius=5.3)
+        cut = extract_patches(videos, setup.places, setup.anchors, take.rate, dots=setup.dots, dot_radius=6.0)
         np.savez_compressed(path, sure=cut.sure, **cut.images)
     with np.load(path, allow_pickle=False) as file:
         images = {key: file[key] for key in file.files if key != "sure"}
@@ -146,13 +146,6 @@ def between(rig: Rig, makeup: Sequence[Stroke], count: int, seed: int) -> Surfac
     taken = np.concatenate([painted, rig.regions["lids"]])
     free = {name: np.setdiff1d(vertices, taken) for name, vertices in rig.regions.items()}
     return choose_points(replace(rig, regions=free), count, seed=seed)
-
-
-def _quietest(rig: Rig, points: SurfacePoints, count: int = 14) -> list[str]:
-    """The markers that the rig's shapes move least: temples, forehead, bridge of the nose."""
-    _, deltas = rig.sample(points)
-    motion = np.linalg.norm(deltas, axis=2).max(0)
-    return [points.names[i] for i in np.argsort(motion)[:count]]
 
 
 def _spoilt(view: int, frames: Iterable[np.ndarray], spoil: Spoil | None):

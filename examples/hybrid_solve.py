@@ -13,7 +13,6 @@ import blendcap
 from blendcap.makeup.lesson import Lesson
 from blendcap.makeup.patches import extract_patches
 from blendcap.makeup.setup import locate
-from blendcap.markers.stabilization import find_stable
 from blendcap.synthetic.exercises import action_units
 from blendcap.synthetic.head_camera import film_head, mount_head_camera
 from blendcap.synthetic.makeup import draw_makeup
@@ -44,7 +43,7 @@ def filmed(repeats: int, seed: int):
     shown = action_units(rig, ["45"], rate=RATE, repeats=repeats, seed=seed)
     take, truth = make_take(performer, shown.animation, markers, seed=seed)
     binding = blendcap.bind(rig, take, markers)
-    setup = locate(rig, take, binding, helmet.cameras, [SIZE] * len(helmet.cameras), find_stable(take))
+    setup = locate(rig, take, binding, helmet.cameras, [SIZE] * len(helmet.cameras))
     videos = [shot.frames() for shot in film_head(truth, helmet, seed=seed, makeup=makeup)]
     eyes = {name: place for name, place in setup.places.items() if name.startswith("eye")}
     patches = extract_patches(videos, eyes, setup.anchors, RATE, dots=setup.dots, dot_radius=3)

@@ -30,7 +30,7 @@ REACH = {  # regions that may move by more than 0.5 mm
     "jaw": {"lips", "cheeks", "jaw", "neck", "mouth", "teeth", "tongue", "scalp", "nose"},
     "chin": {"lips", "jaw", "mouth", "cheeks"},
     "neck": {"neck", "jaw", "cheeks", "lips", "scalp"},
-    "nos": {"nose", "lips", "cheeks", "lids", "mouth", "glabella", "brows"},  # nose, nostril
+    "nos": {"nose", "lips", "cheeks", "lids", "mouth", "glabella", "brows", "forehead"},  # nose, nostril
     "nasolabial": {"lips", "cheeks", "nose", "mouth"},
     "cheek": {"cheeks", "lips", "lids", "nose", "jaw", "brows", "mouth", "sockets", "neck", "scalp"},
     "tongue": {"tongue", "lips", "mouth", "jaw", "nose", "cheeks"},

@@ -58,7 +58,6 @@ def stage(videos: Sequence[Path], take: Path, footage: Footage) -> tuple[list[Vi
     from blendcap.io import read_correspondences, read_markers, read_rig, read_video
     from blendcap.io.cameras import read_cameras
     from blendcap.makeup.setup import locate
-    from blendcap.markers.stabilization import find_stable
 
     known, the_rig, the_take = read_cameras(footage.cameras), read_rig(footage.rig), read_markers(take)
     films = [read_video(video) for video in videos]
@@ -66,8 +65,7 @@ def stage(videos: Sequence[Path], take: Path, footage: Footage) -> tuple[list[Vi
     places = None if footage.correspondences is None else read_correspondences(footage.correspondences)
     binding = blendcap.bind(the_rig, the_take, places)
     lenses, sizes = zip(*known.values(), strict=True)
-    bound = the_take.select(binding.points.names)
-    setup = locate(the_rig, the_take, binding, lenses, sizes, footage.stable or find_stable(bound))
+    setup = locate(the_rig, the_take, binding, lenses, sizes, footage.stable)
     return films, setup
 
 

@@ -14,6 +14,8 @@ from blendcap.makeup.stabilization import Stabilizer
 BLOCK = 600  # frames
 LEAST_PAINT, MOST_PAINT = 0.01, 0.5  # part of a neutral patch that paint covers
 CONTRAST = 0.25  # paint is brighter than skin by this part at least
+CRUMB = 8  # pixels; pieces that are smaller are rims of markers and glints
+FINE = 16  # parts of a pixel to which discs are drawn
 STROKE = 11  # pixels of a patch; strokes are thinner
 SEARCH = 3  # pixels of blur before patches of two people are laid over each other
 
@@ -217,8 +219,9 @@ def paint(patch: np.ndarray, limit: float, dots: np.ndarray | None = None, radiu
 
     white = np.where(_raised(patch) > limit * _level(patch), 255, 0).astype(np.uint8)
     for x, y in [] if dots is None else dots[np.isfinite(dots).all(1)]:
-        cv2.circle(white, (round(x), round(y)), round(radius), 0, -1)
-    return white
+        cv2.circle(white, (round(x * FINE), round(y * FINE)), round(radius * FINE), 0, -1, shift=FINE.bit_length() - 1)
+    _, pieces, sizes, _ = cv2.connectedComponentsWithStats(white)
+    return np.where(sizes[pieces, cv2.CC_STAT_AREA] < CRUMB, 0, white).astype(np.uint8)
 
 
 def _raised(patch: np.ndarray) -> np.ndarray:

@@ -29,7 +29,7 @@ class Patch(NamedTuple):
 PATCHES: Mapping[str, Patch] = {
     "forehead_right": Patch((18, 19, 20), (0.0, 0.10), (0.54, 0.40)),
     "forehead_left": Patch((23, 24, 25), (0.0, 0.10), (0.54, 0.40)),
-    "glabella": Patch((21, 22, 27), (0.0, 0.0), (0.42, 0.50)),
+    "glabella": Patch((21, 22, 27), (0.0, -0.05), (0.42, 0.54)),
     "eye_right": Patch((36, 37, 38, 39, 40, 41), (0.0, -0.03), (0.50, 0.42)),
     "eye_left": Patch((42, 43, 44, 45, 46, 47), (0.0, -0.03), (0.50, 0.42)),
     "nose_right": Patch((30, 31, 50), (-0.02, 0.0), (0.44, 0.46)),

@@ -23,7 +23,7 @@ class Setup(NamedTuple):
 
     places: dict[str, tuple[int, np.ndarray]]  # {patch: (camera, corners (4, 2))}, pixels
     anchors: list[np.ndarray]  # (K, 2) per camera, pixels in the first frame
-    dots: list[np.ndarray]  # (T, M, 2) per camera, pixels; NaN where a marker is missing
+    dots: list[np.ndarray]  # (T, M, 2) per camera, pixels; NaN where a marker is never seen
 
     def only(self, patches: Collection[str]) -> Setup:
         """With these patches alone; those that are not there are left to whoever needs them to say so."""
@@ -36,7 +36,7 @@ def locate(
     binding: Binding,
     cameras: Sequence[Camera],
     sizes: Sequence[tuple[int, int]],
-    stable: Sequence[str],
+    stable: Sequence[str] = (),
 ) -> Setup:
     """Find the patches by the rig's landmarks, laid over the face by its markers, and the dots by their 3D places.
 
@@ -51,8 +51,9 @@ def locate(
     cameras : sequence of Camera
     sizes : sequence of (width, height)
         Pixels.
-    stable : sequence of str
-        Markers that do not move with the face.
+    stable : sequence of str, optional
+        Markers that do not move with the face. If not given, of those that a camera sees the third that the rig's
+        shapes move least, 3 at least.
 
     Raises
     ------
@@ -64,24 +65,45 @@ def locate(
     _check_unit(marks, cameras, sizes)
     places = seen_patches(marks, list(cameras), list(sizes))
     used = {view for view, _ in places.values()}
+    anchors = _anchors(rig, binding, cameras, sizes, stable)
+    for view in used:
+        if len(anchors[view]) < 2:
+            what = f"the stable markers ({', '.join(stable)})" if stable else "the markers"
+            raise InputError(
+                f"Camera {view} sees {len(anchors[view])} of {what}, but needs two; name stable markers that it sees."
+            )
+    dots = [project(_filled(take), camera)[0] for camera in cameras]
+    return Setup(places, anchors, dots)
+
+
+def _anchors(rig: Rig, binding: Binding, cameras, sizes, stable: Sequence[str]) -> list[np.ndarray]:
+    """Pixels (K, 2) in the first frame, per camera, of the stable markers that it sees."""
+    names = binding.points.names
+    lost = [name for name in stable if name not in names]
+    if lost:
+        raise InputError(f"The stable marker {lost[0]!r} is not bound to the rig; name others.")
     rest = binding.to_take(binding.points.positions(rig.mesh) + binding.offsets)
     normals = _normals(rig, binding) @ binding.rotation
-    rows = [binding.points.names.index(name) for name in stable if name in binding.points.names]
-    if len(rows) < len(stable):
-        lost = next(name for name in stable if name not in binding.points.names)
-        raise InputError(f"The stable marker {lost!r} is not bound to the rig; name others.")
+    motion = np.linalg.norm(rig.sample(binding.points)[1], axis=2).max(0)
     anchors = []
-    for view, (camera, size) in enumerate(zip(cameras, sizes, strict=True)):
-        pixels = _seen(rest[rows], normals[rows], camera, size)
-        if view in used and len(pixels) < 2:
-            raise InputError(
-                f"Camera {view} sees {len(pixels)} of the stable markers ({', '.join(stable)}), but needs two; "
-                "name stable markers that it sees."
-            )
-        anchors.append(pixels)
-    known = np.nan_to_num(take.positions)
-    dots = [np.where(take.missing[..., None], np.nan, project(known, camera)[0]) for camera in cameras]
-    return Setup(places, anchors, dots)
+    for camera, size in zip(cameras, sizes, strict=True):
+        pixels, seen = _seen(rest, normals, camera, size)
+        rows = [names.index(name) for name in stable if seen[names.index(name)]]
+        if not stable:
+            quiet = np.flatnonzero(seen)[np.argsort(motion[seen], kind="stable")]
+            rows = quiet[: max(len(quiet) // 3, 3)]
+        anchors.append(pixels[rows])
+    return anchors
+
+
+def _filled(take: MarkerTake) -> np.ndarray:
+    """Positions (T, M, 3), also where a marker is missing: on the straight way, for its dot is in the picture still."""
+    filled, frames = take.positions.copy(), np.arange(len(take.positions))
+    for path, missing in zip(filled.transpose(1, 0, 2), take.missing.T, strict=True):
+        if missing.any() and not missing.all():
+            for axis in path.T:
+                axis[missing] = np.interp(frames[missing], frames[~missing], axis[~missing])
+    return filled
 
 
 def _check_unit(marks: np.ndarray, cameras: Sequence[Camera], sizes: Sequence[tuple[int, int]]) -> None:
@@ -116,10 +138,12 @@ def _normals(rig: Rig, binding: Binding) -> np.ndarray:
     return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
 
 
-def _seen(points: np.ndarray, normals: np.ndarray, camera: Camera, size: tuple[int, int]) -> np.ndarray:
-    """Pixels (K, 2) of the points that face the camera and are well inside its picture."""
+def _seen(
+    points: np.ndarray, normals: np.ndarray, camera: Camera, size: tuple[int, int]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Pixels (M, 2) of points, and which of them (M,) bool face the camera and are well inside its picture."""
     pixels, depth = project(points, camera)
     towards = camera.position - points
     facing = (normals * towards).sum(1) / np.linalg.norm(towards, axis=1)
     inside = (pixels > BORDER).all(1) & (pixels < np.array(size) - BORDER).all(1)
-    return pixels[(depth > 0) & (facing > FACING) & inside]
+    return pixels, (depth > 0) & (facing > FACING) & inside

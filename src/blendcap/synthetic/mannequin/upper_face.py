@@ -46,9 +46,14 @@ def nose_wrinkle(face: Face) -> np.ndarray:
 
 
 def nose_sneer(face: Face) -> np.ndarray:
-    """The wing of the nose and the lip below it are raised, the side of the nose wrinkles."""
+    """The wing of the nose and the lip below it are raised, side and root of the nose wrinkle, the brow sinks a little.
+
+    Action unit 9 lowers the inner brow, too (Ekman, Friesen and Hager, Facial Action Coding System, 2002).
+    """
     lip = contract(face, {"levator_labii_medial": 0.045, "levator_alaeque_nasi": 0.1, "nasalis_transverse": 0.1})
-    return face.sealed(lip + push(face.weights({"fold.3": 1, "K2": 0.6}), (0.2, 1.4, -0.9)))
+    root = contract(face, {"procerus": 0.13, "depressor_supercilii": 0.1})
+    bridge = push(face.weights({"N2": 1, "N3": 0.6, "K1": 0.4}), (0, 1.1, 0.2))
+    return face.sealed(lip + root + bridge + push(face.weights({"fold.3": 1, "K2": 0.6}), (0.2, 1.4, -0.9)))
 
 
 def nostril_dilate(face: Face) -> np.ndarray:
