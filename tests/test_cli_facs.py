@@ -261,6 +261,30 @@ def test_patches_and_dots_are_found_by_the_markers(rig, bound):
         locate(rig, take, binding, helmet.cameras, [helmet.size] * 4, stable[:1])
 
 
+def test_without_names_each_camera_takes_the_stillest_markers_that_it_sees(rig, bound):
+    take, binding = bound
+    helmet = mount_head_camera(rig, seed=1)
+    setup = locate(rig, take, binding, helmet.cameras, [helmet.size] * 4)
+    motion = np.linalg.norm(rig.sample(binding.points)[1], axis=2).max(0)
+    for camera, anchors in zip(helmet.cameras, setup.anchors, strict=True):
+        pixels, _ = project(take.positions[0], camera)
+        taken = [int(np.linalg.norm(pixels - anchor, axis=1).argmin()) for anchor in anchors]
+        assert len(set(taken)) == len(anchors) >= 3
+        assert motion[taken].max() < np.median(motion)
+
+
+def test_the_dot_of_a_missing_marker_is_still_in_the_picture(rig, bound):
+    take, binding = bound
+    helmet = mount_head_camera(rig, seed=1)
+    sizes = [helmet.size] * 4
+    whole = locate(rig, take, binding, helmet.cameras, sizes).dots[0]
+    holed = take.positions.copy()
+    holed[1, 3] = holed[2, 4] = holed[:, 5] = np.nan
+    dots = locate(rig, replace(take, positions=holed), binding, helmet.cameras, sizes).dots[0]
+    np.testing.assert_allclose(dots[:, :5], whole[:, :5], atol=1e-9)  # the face keeps still
+    assert np.isnan(dots[:, 5]).all()
+
+
 @pytest.mark.parametrize(
     ("factor", "sentence"),
     [(0.001, '1000 times as long.*"unit": "m"'), (0.1, '10 times as long.*"cm"'), (1 / 25.4, '25.4 times.*"in"'),

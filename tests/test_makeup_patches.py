@@ -100,6 +100,24 @@ def test_markers_are_not_paint():
     assert without.images["forehead"][0, row - 2 : row + 3, column - 2 : column + 3].max() == 0
 
 
+def test_rims_of_markers_and_glints_are_not_paint():
+    patch = np.full(PATCH_SIZE[::-1], 60, dtype=np.uint8)
+    patch[10:12, 10:22] = 200  # a stroke
+    patch[30:32, 30:33] = 200  # what a disc leaves of a marker
+    found = paint(patch, 0.5)
+    assert found[10:12, 10:22].all() and found.sum() == 24 * 255
+
+
+def test_a_marker_is_taken_out_where_it_is_to_a_part_of_a_pixel():
+    patch = np.full(PATCH_SIZE[::-1], 60, dtype=np.uint8)
+    y, x = np.mgrid[: PATCH_SIZE[1], : PATCH_SIZE[0]]
+    dots = np.array([[20.4, 15.4], [40.5, 30.5]])
+    for dot in dots:
+        patch[np.hypot(x - dot[0], y - dot[1]) < 3.3] = 200
+    assert not paint(patch, 0.5, dots, 3.8).any()
+    assert paint(patch, 0.5, dots[:1], 3.8).any()
+
+
 def test_paint_is_found_at_the_brightness_between_skin_and_paint():
     patch = np.full((44, 56), 80, dtype=np.uint8)
     patch[20:24] = 200

@@ -98,6 +98,17 @@ def test_the_jaw_takes_its_teeth_along_as_one_piece():
     assert np.abs(after - before).max() < 1e-4
 
 
+@pytest.mark.parametrize("identity", [0, "kofi", 9])
+def test_a_sneer_wrinkles_the_root_of_the_nose(identity):
+    rig = person(identity)
+    marks = rig.points["landmarks68"]
+    _, moved = rig.select(("noseSneerLeft", "noseSneerRight")).sample(marks)
+    both = moved.sum(0)
+    assert (both[[21, 22], 1] < -1).all()  # the inner ends of the brows sink
+    assert both[28, 1] > 0.5 and both[[31, 35], 1].min() > 2  # bridge and wings of the nose rise
+    assert np.abs(both[[36, 45, 48, 54]]).max() < 0.6  # corners of eyes and mouth keep still
+
+
 def test_shapes_mirror():
     rig, twins = person(), shared().surface.twins
     deltas = rig.deltas[:, : len(twins)]
