@@ -6,8 +6,10 @@ import numpy as np
 from scipy.ndimage import label, maximum_filter1d
 
 from blendcap import Animation, Rig
+from blendcap.data.names import match
 
-CLOSED = 0.35  # of the gap between the lids at rest
+CLOSED = 0.35  # of the way from a blink to rest: a smaller gap between the lids is told as shut
+SHUT, OPEN = 0.25, 0.45  # the same of the truth, plainly: in between nobody could say
 LATE = 2  # frames by which a blink may be told early or late and still be told
 
 
@@ -21,12 +23,29 @@ def hits(said: np.ndarray, true: np.ndarray) -> str:
     return f"{cells[0]} ({cells[1]})"
 
 
+def shut(said: np.ndarray, true: np.ndarray) -> str:
+    """Precision and recall of frames with shut lids, from gaps (T, 2): where the truth is plain, and in all frames."""
+    plain = (true < SHUT) | (true > OPEN)
+    cells = []
+    for counted in (plain, np.ones_like(plain)):
+        told, asked = said[counted] < CLOSED, true[counted] < CLOSED
+        both = np.count_nonzero(told & asked)
+        cells.append(f"{both / max(told.sum(), 1):.2f}, {both / max(asked.sum(), 1):.2f}")
+    return f"{cells[0]} ({cells[1]})"
+
+
 def blinks(said: np.ndarray, true: np.ndarray) -> str:
-    """Precision and recall of closings, runs of flags (T, 2) of either eye, told two frames early or late at most."""
-    told = [_met(ours, near(theirs, LATE)) for ours, theirs in zip(said.T, true.T, strict=True)]
-    found = [_met(theirs, near(ours, LATE)) for ours, theirs in zip(said.T, true.T, strict=True)]
-    precision, recall = (np.concatenate(runs).astype(float) for runs in (told, found))
-    return f"{precision.sum() / max(len(precision), 1):.2f}, {recall.sum() / max(len(recall), 1):.2f}"
+    """Precision and recall of closings, from gaps (T, 2) of either eye, told two frames early or late at most.
+
+    A closing is a run of frames below `CLOSED`; one that is told is wrong if the eye is plainly open all the while,
+    and one that never is plainly shut need not be told.
+    """
+    told, found = [], []
+    for ours, theirs in zip(said.T, true.T, strict=True):
+        told += list(_met(ours < CLOSED, near(theirs < OPEN, LATE)))
+        asked = _met(theirs < CLOSED, theirs < SHUT)
+        found += list(_met(theirs < CLOSED, near(ours < CLOSED, LATE))[asked])
+    return f"{sum(told) / max(len(told), 1):.2f}, {sum(found) / max(len(found), 1):.2f} ({len(found)})"
 
 
 def _met(flags: np.ndarray, others: np.ndarray) -> np.ndarray:
@@ -40,16 +59,19 @@ def near(flags: np.ndarray, frames: int) -> np.ndarray:
     return maximum_filter1d(flags, 2 * frames + 1, axis=0, mode="constant", cval=False)
 
 
-def closed(rig: Rig, answer: Animation) -> np.ndarray:
-    """(T, 2) where each eye's lids are closer than `CLOSED` of their gap at rest."""
-    gaps = []
-    for side in ("lids_left", "lids_right"):
-        upper, lower = rig.contacts[side].T
+def gaps(rig: Rig, answer: Animation) -> np.ndarray:
+    """(T, 2) how far each eye's lids are apart: 1 at rest, 0 at the rig's own blink (some rigs' lids never meet)."""
+    found = []
+    for side in ("Left", "Right"):
+        upper, lower = rig.contacts[f"lids_{side.lower()}"].T
         apart = rig.deltas[:, upper].astype(float) - rig.deltas[:, lower]
         rest = rig.mesh.vertices[upper] - rig.mesh.vertices[lower]
-        gap = np.linalg.norm(rest + np.tensordot(answer.weights, apart, axes=1), axis=2).mean(1)
-        gaps.append(gap / np.linalg.norm(rest, axis=1).mean() < CLOSED)
-    return np.stack(gaps, axis=1)
+        blink = np.zeros(len(rig.names))
+        blink[[rig.index(name) for name in match([f"eyeBlink{side}"], rig.names)[f"eyeBlink{side}"]]] = 1
+        weights = np.vstack([answer.weights, blink, 0 * blink])
+        gap = np.linalg.norm(rest + np.tensordot(weights, apart, axes=1), axis=2).mean(1)
+        found.append((gap[:-2] - gap[-2]) / (gap[-1] - gap[-2]))
+    return np.stack(found, axis=1)
 
 
 def roughness(animation: Animation) -> float:

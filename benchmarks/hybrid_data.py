@@ -17,16 +17,19 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+from scipy.interpolate import RBFInterpolator
 from scipy.spatial import cKDTree
 
 import blendcap
 from accuracy_data import DATA, MM, performance
 from blendcap import Animation, Binding, MarkerTake, Rig, SolveSettings, SurfacePoints
+from blendcap.data import landmarks68
 from blendcap.data.names import match
 from blendcap.makeup.lesson import Lesson
 from blendcap.makeup.patches import Patches, extract_patches
 from blendcap.makeup.setup import locate
 from blendcap.makeup.units import ARKIT_TABLE
+from blendcap.modeling.contacts import find_contacts
 from blendcap.synthetic.exercises import TRAINED, Exercise, action_units, frown, lip_swing
 from blendcap.synthetic.head_camera import film_head, mount_head_camera
 from blendcap.synthetic.makeup import draw_makeup
@@ -34,12 +37,13 @@ from blendcap.synthetic.paint import Stroke
 from blendcap.synthetic.performances import for_rig
 from blendcap.synthetic.performer import make_performer
 from blendcap.synthetic.shot import Shot
-from blendcap.synthetic.takes import Truth, choose_points, make_take
+from blendcap.synthetic.takes import SKIN, Truth, choose_points, make_take
 
 RATE = 24.0  # of the exercises
 LESSON_RATE = 12.0  # of the lessons: frames that are far apart teach more
 MORE = ("1", "2", "5", "6", "10", "12", "15", "20", "26", "63", "64")  # units that the papers' lesson lacks
 SCAN = 0.5  # mm by which the neutral of the solver's rig errs, as smooth as faces differ
+REACH = 10.0  # mm from a vertex to the regions of the bent mannequin
 APART = 3.0  # mm from the middle of a stroke to that of a marker, at least
 ASIDE = {"10L+12L+18L+23L": "AU10+12+18+23L", "10R+12R+18R+23R": "AU10+12+18+23R"}
 UNITS = tuple(ASIDE.get(unit, f"AU{unit}") for unit in TRAINED)
@@ -67,7 +71,19 @@ def face(kind: str, person: int) -> Rig:
         modes = file["identity_deltas"]
         size = 0.0 if person == 0 else MM
         shift = size * np.tensordot(np.random.default_rng(person).normal(size=len(modes)), modes, axes=1)
+    rig = replace(rig, regions={**rig.regions, **_regions(rig)}, contacts=find_contacts(rig))
     return replace(rig, mesh=rig.mesh.with_vertices(rig.mesh.vertices + shift), name=f"ICT {person}")
+
+
+def _regions(rig: Rig) -> dict[str, np.ndarray]:
+    """The mannequin's regions of skin on a face without such: each vertex goes with the nearest of a bent mannequin."""
+    other = face("mannequin", 0)
+    marks, goal = (landmarks68(r).positions(r.mesh)[:60] for r in (other, rig))  # inner lips coincide
+    labels = np.concatenate([np.full(len(other.regions[name]), k) for k, name in enumerate(SKIN)])
+    bent = RBFInterpolator(marks, goal)(other.mesh.vertices[np.concatenate([other.regions[name] for name in SKIN])])
+    skin = rig.regions["face"]
+    far, nearest = cKDTree(bent).query(rig.mesh.vertices[skin])
+    return {name: skin[(labels[nearest] == k) & (far < REACH)] for k, name in enumerate(SKIN)}
 
 
 @dataclass(frozen=True)

@@ -28,10 +28,17 @@ def test_hits_are_precision_and_recall_with_and_without_tolerance(counts):
 
 
 def test_closings_are_counted_whole(counts):
-    true = np.zeros((40, 2), dtype=bool)
-    true[5:9], true[20:30, 0] = True, True  # three: both eyes blink, the right one winks
-    said = np.zeros_like(true)
-    said[10:12, 0], said[8:20, 1], said[34:36] = True, True, True
-    assert counts.blinks(true, true) == "1.00, 1.00"
-    assert counts.blinks(said, true) == "0.50, 0.67"  # told twice where nothing was, and the wink is not told
-    assert counts.blinks(np.zeros_like(true), true) == "0.00, 0.00"
+    true = np.ones((40, 2))
+    true[5:9], true[20:30, 0], true[36:] = 0.1, 0.2, 0.3  # three: both eyes blink, the right one winks; then a doubt
+    said = np.ones_like(true)
+    said[10:12, 0], said[8:20, 1], said[32:34, 1], said[37] = 0.1, 0.1, 0.1, 0.1
+    assert counts.blinks(true, true) == "1.00, 1.00 (3)"
+    assert counts.blinks(said, true) == "0.80, 0.67 (3)"  # told once where nothing was, and the wink is not told
+    assert counts.blinks(np.ones_like(true), true) == "0.00, 0.00 (3)"
+
+
+def test_shut_lids_are_judged_where_the_truth_is_plain(counts):
+    true = np.array([0.1, 0.2, 0.3, 0.4, 0.9, 1.0])[:, None] * [1, 1]
+    assert counts.shut(true, true) == "1.00, 1.00 (1.00, 1.00)"
+    late = np.array([0.1, 0.5, 0.4, 0.3, 0.9, 0.3])[:, None] * [1, 1]
+    assert counts.shut(late, true) == "0.50, 0.50 (0.33, 0.33)"
