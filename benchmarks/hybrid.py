@@ -32,9 +32,7 @@ from hybrid_data import PEOPLE, UNITS, Filmed, exercise, extremes, lessons, play
 from results import write_section
 
 READ = ("brows", "glabella", "lids", "lips")  # the regions that the patches are about
-# AU6 for AU45 from which on a shut lid is 6+43: the lesson has up to 0.22 with 45 and from 0.57 with 6+43, mannequin 5
-# up to 0.65 and from 0.94.
-SQUEEZED = 0.6
+SQUEEZED = 0.45  # AU6 for AU45 from which on a shut lid is 6+43; lessons have up to 0.22 with 45, from 0.57 with 6+43
 PARTS = ("solve", "units", "flaws")
 NEAR = 0.25  # an intensity that errs by less is right
 MARKERS = {"50": (50, True), "30": (30, True), "100": (100, True), "50, lids too": (50, False)}
@@ -110,7 +108,8 @@ gets, so judge a machine by what it gets above that, by recall, and by "worst".
 "level": the worst region's part of frames in which the intensity is told within 0.25, too. "45" and "6+43": precision
 and recall, and in brackets where a unit may be told two frames early or late. "worst": the correlation of told and
 true intensity of the unit that is told worst. "svm" is the papers' machine, "intensity" the default, whose 6+43 is a 45
-with much AU6: how much was set on the lesson and on mannequin 5, after two other settings had been seen to fail here.
+with much AU6 and whose sideways pucker is the geometric mean of 10, 12 and 18; how much was set on the lessons, and on
+mannequin 5 and ICT 104, who are not tested.
 
 | face | take | method | laid over | brows | nose | eyes | mouth | level | 45 | 6+43 | worst | frames/s |
 |---|---|---|---|---|---|---|---|---|---|---|---|---|
@@ -178,7 +177,8 @@ def _as_classes(told: dict[str, np.ndarray]) -> np.ndarray:
     squeezed = halves["AU6"] > SQUEEZED * halves["AU45"]
     joint = {"AU1+2": (halves["AU1"] + halves["AU2"]) / 2}
     joint |= {"AU6+43": np.where(squeezed, halves["AU45"], 0), "AU45": np.where(squeezed, 0, halves["AU45"])}
-    joint |= {f"AU10+12+18+23{side}": (told[f"AU10{side}"] + told[f"AU12{side}"]) / 2 for side in "LR"}
+    for side in "LR":  # the geometric mean: all of them or none
+        joint[f"AU10+12+18+23{side}"] = np.cbrt(told[f"AU10{side}"] * told[f"AU12{side}"] * told["AU18"])
     return np.stack([(halves | joint)[unit] for unit in UNITS], axis=1)
 
 

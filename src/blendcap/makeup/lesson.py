@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from blendcap.data import Animation, InputError
+from blendcap.data.names import match
 
 SEEN = 0.5  # confidence from which on a weight is taken for the truth
 
@@ -40,12 +41,19 @@ class Lesson:
             )
 
     def intensity(self, shapes: Mapping[str, float]) -> np.ndarray:
-        """(T,) how strongly the weights show a unit that moves these shapes: as its weakest one; NaN if not known."""
+        """(T,) how strongly the weights show a unit that moves these shapes: as its weakest one; NaN if not known.
+
+        Shapes may be spelled otherwise than the weights' names, and be split there in left and right.
+        """
         unknown = np.full(len(self.units), np.nan)
-        if self.weights is None or not shapes or not set(shapes) <= set(self.weights.names):
+        if self.weights is None or not shapes:
             return unknown
-        places = [self.weights.names.index(name) for name in shapes]
-        said = (self.weights.weights[:, places] / list(shapes.values())).min(1)
+        found = match(tuple(shapes), self.weights.names)
+        if not all(found.get(name) for name in shapes):
+            return unknown
+        pairs = [(self.weights.names.index(own), shapes[name]) for name, owned in found.items() for own in owned]
+        places, levels = (list(column) for column in zip(*pairs, strict=True))
+        said = (self.weights.weights[:, places] / levels).min(1)
         trust = self.weights.confidence
         return said if trust is None else np.where(trust[:, places].min(1) >= SEEN, said, np.nan)
 

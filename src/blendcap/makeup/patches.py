@@ -220,8 +220,9 @@ def paint(patch: np.ndarray, limit: float, dots: np.ndarray | None = None, radiu
     white = np.where(_raised(patch) > limit * _level(patch), 255, 0).astype(np.uint8)
     for x, y in [] if dots is None else dots[np.isfinite(dots).all(1)]:
         cv2.circle(white, (round(x * FINE), round(y * FINE)), round(radius * FINE), 0, -1, shift=FINE.bit_length() - 1)
-    _, pieces, sizes, _ = cv2.connectedComponentsWithStats(white)
-    return np.where(sizes[pieces, cv2.CC_STAT_AREA] < CRUMB, 0, white).astype(np.uint8)
+    _, pieces, figures, _ = cv2.connectedComponentsWithStats(white)
+    small = np.flatnonzero(np.asarray(figures)[:, cv2.CC_STAT_AREA] < CRUMB)
+    return np.where(np.isin(np.asarray(pieces), small), 0, white).astype(np.uint8)
 
 
 def _raised(patch: np.ndarray) -> np.ndarray:
