@@ -9,6 +9,7 @@ from scipy.signal import savgol_filter
 
 from blendcap.data import Animation, InputError
 from blendcap.io.models import read_model, write_model
+from blendcap.makeup import training
 from blendcap.makeup.augmentation import warped
 from blendcap.makeup.classifier import margin, tally
 from blendcap.makeup.curves import WINDOWS, classify
@@ -220,6 +221,26 @@ def test_intensities_are_read_off_solved_weights_where_these_are_sure(lesson):
     assert np.percentile(intensity[:, 0], 99) > 0.8 and np.percentile(intensity[:, 1], 99) < 0.65
     with pytest.raises(InputError, match="lesson's weights have 3 frames"):
         replace(shown, weights=Animation(truth[:3], names, patches.rate))
+
+
+def test_weights_of_a_lesson_may_be_spelled_otherwise(lesson):
+    _, shown, truth = lesson
+    names = ("browInnerUp_L", "browInnerUp_R", "browDown_L")
+    known = replace(shown, weights=Animation(truth * [1.0, 0.5, 1.0], names, 30.0))
+    np.testing.assert_allclose(known.intensity({"browInnerUp": 1.0}), np.minimum(truth[:, 0], 0.5 * truth[:, 1]))
+    np.testing.assert_allclose(known.intensity({"browDownLeft": 0.5}), truth[:, 2] / 0.5)
+    assert np.isnan(known.intensity({"browDownLeft": 1.0, "browDownRight": 1.0})).all()
+
+
+def test_of_long_lessons_copies_take_every_so_many_frames(lesson, monkeypatch):
+    patches, shown, _ = lesson
+    frames = len(patches.sure)
+    monkeypatch.setattr(training, "COPY", frames // 3)
+    parts, rows = training._thinned([patches, patches])
+    assert [len(part.sure) for part in parts] == [-(-frames // 6)] * 2
+    np.testing.assert_array_equal(rows[len(rows) // 2 :], frames + rows[: len(rows) // 2])
+    np.testing.assert_array_equal(parts[0].images["forehead"][1], patches.images["forehead"][6])
+    assert train_classifier(patches, shown, regions=[REGION]).models[0].scores["unit"] > 0.9
 
 
 def test_what_a_turn_shows_and_which_units_are_halves_of_one():
