@@ -130,6 +130,32 @@ def test_a_simulated_face_has_parts_that_go_together_and_none_is_a_copy(seed):
     assert filled_stretches(simulated(seed)) == filled_stretches(smoothed(simulated(seed))) == ()
 
 
+@pytest.mark.parametrize("part", [0.6, 0.9])
+def test_a_marker_that_flickers_keeps_the_frames_in_which_it_does_not(part):
+    """Most of its frames are in a noise 20 times that of the others, the rest in theirs."""
+    take, rng = face(), np.random.default_rng(1)
+    positions = take.positions.copy()
+    start = int((1 - part) * FRAMES)
+    positions[start:, 5] += 2 * rng.normal(size=(FRAMES - start, 3))
+    assert filled_stretches(replace(take, positions=positions)) == ()
+
+
+@pytest.mark.parametrize("hertz", [3.0, 6.0])
+def test_a_stretch_that_was_smoothed_was_measured(hertz):
+    take = face()
+    positions = take.positions.copy()
+    positions[200:300, 4] = smoothed(take, hertz).positions[200:300, 4]
+    assert filled_stretches(replace(take, positions=positions)) == ()
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.005, 0.02, 0.05])
+@pytest.mark.parametrize("seed", range(3))
+def test_positions_that_were_rounded_more_coarsely_than_they_tremble_tell_nothing(seed, noise):
+    take = simulated(seed)
+    positions = take.positions + noise * np.random.default_rng(seed).normal(size=take.positions.shape)
+    assert filled_stretches(replace(take, positions=np.round(positions, 1))) == ()
+
+
 def test_frames_in_which_nobody_trembles_are_left_alone():
     """A recorder that lost frames repeats or bridges them for all markers; then nothing is special about one."""
     take = face()

@@ -13,6 +13,9 @@ from blendcap.markers.copies import rigid_copies, share_of_rigid_pairs
 from blendcap.markers.tremble import AT_REST, LIKELY, SURE, WINDOW, calm_runs, left_by_cubics, quantile, usual_tremble
 
 SELDOM = 0.05  # is a window half calm where something was measured: noise comes and goes less than motion
+GRID = 0.05  # of the steps of most markers may be 0, or positions were rounded more coarsely than they tremble
+FLICKERS = 2.0  # times as much as others trembles a marker that is measured well where it trembles as they do
+LONG = 36  # frames that one cubic explains of a drawn path, but not of one that was smoothed
 FEW = 0.01  # of the pairs of markers may keep their distance, or nothing was measured here
 
 
@@ -44,8 +47,9 @@ def filled_stretches(take: MarkerTake, longest: float = 0.1) -> tuple[FilledStre
 
     What is measured trembles. A path that was filled in by a line, a cubic or a spline does not, while most other
     markers do. One that was moved along with three others, as with a rigid body, trembles as they do, but not against
-    them (`rigid_copies`). Where nothing trembles, as in simulated takes without noise, nothing is found; a take that
-    was smoothed as a whole is measured by what it still trembles.
+    them (`rigid_copies`). Where nothing trembles, as in simulated takes without noise, nothing is found, nor where
+    positions were rounded more coarsely than they tremble; a take that was smoothed as a whole is measured by what it
+    still trembles, and a stretch that alone was smoothed is left.
 
     Parameters
     ----------
@@ -53,7 +57,7 @@ def filled_stretches(take: MarkerTake, longest: float = 0.1) -> tuple[FilledStre
         s; shorter bridges are what `fill_gaps` builds as well. Those of less than 12 frames are never found.
     """
     positions = take.positions
-    if len(positions) < 2 * WINDOW:
+    if len(positions) < 2 * WINDOW or np.median(_unmoved(positions)) > GRID:
         return ()
     tremble = usual_tremble(positions)
     level = _levels(positions, tremble)
@@ -99,6 +103,12 @@ def _united(stretches: list[FilledStretch], names: tuple[str, ...]) -> list[Fill
     return sorted(united, key=lambda s: (names.index(s.marker), s.first))
 
 
+def _unmoved(positions: np.ndarray) -> np.ndarray:
+    """(M,) how many steps of each marker's known coordinates are 0."""
+    steps = np.diff(positions, axis=0)
+    return (steps == 0).sum((0, 2)) / np.maximum(np.isfinite(steps).sum((0, 2)), 1)
+
+
 def _levels(positions: np.ndarray, tremble: np.ndarray) -> np.ndarray:
     """(T - 11, M) how much each marker trembles in each window, of what it usually does."""
     squared = (np.diff(positions, 4, axis=0) ** 2).mean(2) / 70.0
@@ -109,7 +119,14 @@ def _levels(positions: np.ndarray, tremble: np.ndarray) -> np.ndarray:
 def _smooth_paths(positions: np.ndarray, tremble: np.ndarray, level: np.ndarray) -> Iterator[tuple[int, int, int]]:
     """(marker, first frame, last frame) of paths that do not tremble while most markers do."""
     left, others = left_by_cubics(positions), quantile(level.T, AT_REST) > LIKELY
+    usual = np.minimum(tremble, FLICKERS * np.median(tremble))
     for m in range(positions.shape[1]):
-        for first, last in calm_runs(left[:, m], others * tremble[m]):
-            if np.ptp(positions[first : last + 1, m], axis=0).max() > LIKELY * tremble[m]:  # or it is at rest
+        for first, last in calm_runs(left[:, m], others * usual[m]):
+            path = positions[first : last + 1, m]
+            if np.ptp(path, axis=0).max() > LIKELY * tremble[m] and not _was_smoothed(path, usual[m]):  # nor at rest
                 yield m, first, last
+
+
+def _was_smoothed(path: np.ndarray, usual: float) -> bool:
+    """Whether a path (T, 3) without a tremble bends more than one that was drawn through a gap: it was measured."""
+    return len(path) >= LONG and bool(np.median(left_by_cubics(path, window=LONG)) > LIKELY * usual)

@@ -9,8 +9,6 @@ WINDOW = 12  # frames that one cubic must explain
 SURE = 0.1  # of the usual tremble: no window of measured frames is as calm
 LIKELY = 0.3  # a window beside a sure one belongs to the same stretch below this
 AT_REST = 0.2  # of the markers may be calm at once, or a calm one is nothing special
-# What these rows of length 1 see of a window is what a cubic leaves of it.
-_LEFT = np.linalg.qr(np.vander(np.linspace(-1, 1, WINDOW), 4), mode="complete")[0][:, 4:]
 
 
 def usual_tremble(coordinates: np.ndarray, part: float = 0.5) -> np.ndarray:
@@ -22,13 +20,15 @@ def usual_tremble(coordinates: np.ndarray, part: float = 0.5) -> np.ndarray:
     return np.sqrt(quantile(squared, part) / 70.0)
 
 
-def left_by_cubics(coordinates: np.ndarray, step: int = 1) -> np.ndarray:
-    """(T - 11, ...) root mean square per coordinate of what a cubic leaves of each window of (T, ..., D), mm.
+def left_by_cubics(coordinates: np.ndarray, step: int = 1, window: int = WINDOW) -> np.ndarray:
+    """(T - window + 1, ...) root mean square per coordinate of what a cubic leaves of each window of (T, ..., D), mm.
 
     Of white noise it is the noise. Of a measured path, smoothed or not, it is not less; of one that was filled in, it
     is nearly nothing. With a `step` only every such window is looked at.
     """
-    left = sliding_window_view(coordinates, WINDOW, axis=0)[::step] @ _LEFT
+    # What these rows of length 1 see of a window is what a cubic leaves of it.
+    rows = np.linalg.qr(np.vander(np.linspace(-1, 1, window), 4), mode="complete")[0][:, 4:]
+    left = sliding_window_view(coordinates, window, axis=0)[::step] @ rows
     return np.sqrt(np.einsum("...dk,...dk->...", left, left) / (left.shape[-2] * left.shape[-1]))
 
 
