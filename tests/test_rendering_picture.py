@@ -155,19 +155,31 @@ def test_the_inside_of_an_open_surface_is_dark():
     assert lit.min() > 2 * dark.max()
 
 
-def test_where_two_faces_meet_the_nearer_one_colors_the_pixel():
-    # a sheet seen from its dark inside on the left, and a hair nearer to the camera a lit one on the right:
-    # they meet in the middle of the pixels of one column
+def _where_sheets_meet(turned):
+    """Three pixels: a black sheet, turned to the camera or away, a pixel of both, and a white one a hair nearer."""
     left = np.array([[-40.0, -20, 0], [0, -20, 0], [0, 20, 0], [-40, 20, 0]])
     right = np.array([[0.0, -20, 0.1], [40, -20, 0.1], [40, 20, 0.1], [0, 20, 0.1]])
-    mesh = Mesh(np.concatenate([left, right]), np.array([[0, 2, 1], [0, 3, 2], [4, 5, 6], [4, 6, 7]]))
+    faces = np.array([[0, 2, 1], [0, 3, 2], [4, 5, 6], [4, 6, 7]])
+    faces[:2, 1:] = faces[:2, 1:] if turned else faces[:2, :0:-1]
     pose = np.diag([1.0, -1, -1, 1])
     pose[2, 3] = 200
     camera = Camera(np.array([[200.0, 0, 30], [0, 200, 15], [0, 0, 1]]), pose)
     even = Light(strengths=(0, 0, 0, 1.0), gloss=0)
-    row = render(mesh, camera, (60, 30), color=(0.6, 0.6, 0.6), light=even)[15, :, 1].astype(int)
-    assert row[29] < 0.6 * row[31]
-    assert row[30] == pytest.approx(row[31], abs=12)
+    paint = np.repeat([BLACK, (0.6, 0.6, 0.6)], 4, axis=0)
+    return render(Mesh(np.concatenate([left, right]), faces), camera, (60, 30), color=paint, light=even)[15, 29:32, 1]
+
+
+def test_where_faces_turned_apart_meet_a_pixel_is_their_mean():
+    # as at the seam of shut lids, which would be black dashes if one of the two had the whole pixel
+    left, both, right = to_linear(_where_sheets_meet(turned=True) / 255.0)
+    assert right > left + 0.1
+    assert both == pytest.approx((left + right) / 2, abs=0.02)
+
+
+def test_where_faces_turned_alike_meet_the_nearer_one_colors_the_pixel():
+    left, both, right = _where_sheets_meet(turned=False).astype(int)
+    assert right > left + 50
+    assert both == pytest.approx(right, abs=2)
 
 
 def test_a_picture_is_the_same_every_time_and_from_a_prepared_surface():

@@ -18,6 +18,7 @@ EYE, LIGHTS, STRENGTHS, GLOSS, SHADOW, FOCAL, SCENE = 0, 3, 12, 16, 17, 29, 30
 WRAP = (0.28, 0.16, 0.12)  # how far each color's light reaches around the form
 INSIDE = 0.15  # of its color, where the inside of the surface is seen
 SAME_DEPTH = 1.5e-3  # samples of a pixel that differ by less, relative to the depth, lie on one surface
+SAME_TURN = 0.7  # if the cosine between their normals is not less: lids that meet are as near, and turned away
 
 
 @dataclass(frozen=True)
@@ -66,13 +67,13 @@ def shade(
 ):  # fmt: skip
     """Paint a band of a picture over its background, `out` (H, W, 3), sRGB, from a z-buffer of twice the size.
 
-    A pixel whose four samples lie on one surface is shaded once, in its middle and on the face nearest to the camera
-    (a face behind may be seen from inside, and dark); at an edge each sample is shaded. `top` is the picture's row in
+    A pixel whose four samples lie on one surface is shaded once, in its middle and on the face nearest to the camera;
+    at an edge, and where surfaces meet, each sample is shaded. `top` is the picture's row in
     which the band starts.
     """
     for y in range(out.shape[0]):
         for x in range(out.shape[1]):
-            covered, even, nearest = _survey(face, nearness, 2 * y, 2 * x)
+            covered, even, nearest = _survey(face, nearness, 2 * y, 2 * x, table, faces)
             if covered == 0:
                 continue
             samples = 1 if even else 4
@@ -105,7 +106,7 @@ def shade(
 
 
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy", forceinline=True)
-def _survey(face, nearness, row, column):
+def _survey(face, nearness, row, column, table, faces):
     """How many of a pixel's four samples see something, whether all see one surface, and the face nearest to them."""
     near, far, covered, nearest = 0.0, np.inf, 0, -1
     for s in range(4):
@@ -114,7 +115,21 @@ def _survey(face, nearness, row, column):
         far = min(far, nearness[y, x])
         if nearness[y, x] > near:
             near, nearest = nearness[y, x], face[y, x]
-    return covered, covered == 4 and near < far * (1 + SAME_DEPTH), nearest
+    even = covered == 4 and near < far * (1 + SAME_DEPTH)
+    for s in range(4):
+        f = face[row + s // 2, column + s % 2]
+        even = even and (f == nearest or _cosine(table, faces[nearest, 0], faces[f, 0]) > SAME_TURN)
+    return covered, even, nearest
+
+
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy", forceinline=True)
+def _cosine(table, i, j):
+    """The cosine between the normals of two vertices."""
+    return (
+        table[i, NORMAL] * table[j, NORMAL]
+        + table[i, NORMAL + 1] * table[j, NORMAL + 1]
+        + table[i, NORMAL + 2] * table[j, NORMAL + 2]
+    )
 
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
