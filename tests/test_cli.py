@@ -17,7 +17,8 @@ import blendcap
 from blendcap import Animation, MarkerTake, Mesh, Rig
 from blendcap.cli import main
 from blendcap.cli.demo import program
-from blendcap.data import landmarks68
+from blendcap.data import Camera, landmarks68
+from blendcap.io.cameras import write_cameras
 
 RATE, FRAMES = 60.0, 40
 NAMES = ("bumpLeft", "bumpRight", "lift")
@@ -481,6 +482,22 @@ def test_info_speaks_to_people_in_lines(folder, capsys):
     lines = capsys.readouterr().out.splitlines()
     assert "unit       mm, as the file says" in lines and "missing    0 % of the samples" in lines
     assert "seconds    0.6667" in lines and "have gaps  none" in lines and "filled     none" in lines
+    camera = Camera([[80, 0, 32], [0, 80, 24], [0, 0, 1]], np.eye(4))
+    write_cameras("c.json", {"upper": (camera, (64, 48)), "lower": (camera, (32, 24))})
+    assert main(["info", "c.json"]) == 0
+    assert "cameras  2: upper (64 x 48 pixels), lower (32 x 24 pixels)" in capsys.readouterr().out
+
+
+def test_info_says_that_filled_gaps_are_told_by_frames(folder, monkeypatch, capsys):
+    monkeypatch.setattr("blendcap.cli.info._filled", lambda _: {"filled": {"m3": [(4, 9), (12, 15)]}})
+    assert main(["info", "take.c3d"]) == 0
+    assert "filled     2: m3 frames 4 to 9, m3 frames 12 to 15" in capsys.readouterr().out
+
+
+def test_an_offset_without_patches_is_refused(folder, capsys):
+    assert main(["solve", "take.c3d", "--rig", "rig.glb", "--patches-offset", "0.5", "-o", "off.csv"]) == 1
+    assert "--patches-offset says when the curves of --patches begin" in capsys.readouterr().err
+    assert not Path("off.csv").exists()
 
 
 def test_info_prints_every_name_wrapped_to_the_terminal(folder, rig, monkeypatch, capsys):
@@ -615,7 +632,7 @@ def test_the_version_and_the_help(capsys):
 
 
 def test_what_nobody_foresaw_is_still_one_sentence(folder, capsys, monkeypatch):
-    def broken(path, unit):
+    def broken(path, unit, **_):
         raise RuntimeError("first line\nsecond line")
 
     monkeypatch.setattr("blendcap.io.describe", broken)

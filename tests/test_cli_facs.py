@@ -11,8 +11,10 @@ from PIL import Image
 
 import blendcap
 from blendcap.cli import main
-from blendcap.cli.facs_inputs import _check_films
-from blendcap.data import Camera, InputError
+from blendcap.cli.facs import _told_right
+from blendcap.cli.facs_inputs import _check_films, blocks
+from blendcap.cli.progress import Progress
+from blendcap.data import Camera, InputError, landmarks68
 from blendcap.io import read_video, write_video
 from blendcap.io.cameras import read_cameras, write_cameras
 from blendcap.io.models import write_model
@@ -20,9 +22,11 @@ from blendcap.io.turns import read_turns
 from blendcap.makeup.classifier import PatchClassifier, RegionModel
 from blendcap.makeup.lesson import Lesson
 from blendcap.makeup.packing import KIND, VERSION, pack
-from blendcap.makeup.setup import Setup, locate
+from blendcap.makeup.patches import Patches
+from blendcap.makeup.setup import Setup, _hidden, locate
 from blendcap.makeup.training import train_classifier
 from blendcap.makeup.units import Region
+from blendcap.modeling.rays import RayTarget
 from blendcap.rendering.camera import look_at, project
 from blendcap.synthetic.exercises import action_units
 from blendcap.synthetic.head_camera import film_head, mount_head_camera
@@ -134,7 +138,7 @@ def weak(tmp_path, monkeypatch):
     return ["facs", "predict", "unused.mp4", *needed, "--model", str(tmp_path / "m.npz")], machine, lesson
 
 
-def test_options_of_a_prediction_reach_the_curves(weak, tmp_path):
+def test_options_of_a_prediction_reach_the_curves(weak, tmp_path, capsys):
     command, machine, patches = weak
     told = []
     for words, choices in (
@@ -142,11 +146,14 @@ def test_options_of_a_prediction_reach_the_curves(weak, tmp_path):
         (["--blinks-as-told"], {"full_blinks": False}),
         (["--shown-only"], {"everywhere": False}),
     ):
-        assert main([*command, "-o", str(tmp_path / "c.npz"), *words]) == 0
+        capsys.readouterr()
+        assert main([*command, "-o", str(tmp_path / "c.npz"), "--json", *words]) == 0
         told.append(blendcap.read_animation(tmp_path / "c.npz"))
         right = blendcap.classify(machine, patches, **choices)
         np.testing.assert_allclose(told[-1].weights, right.weights, atol=1e-6)
         np.testing.assert_allclose(told[-1].confidence, right.confidence, atol=1e-6)
+    trust = json.loads(capsys.readouterr().out)["trusted"]
+    assert trust == pytest.approx(dict(zip(told[-1].names, told[-1].confidence.mean(0), strict=True)), abs=1e-6)
     default, as_told, quiet = told
     lids = default.names.index("eyeBlinkLeft")
     assert default.weights[:, lids].max() > 0.85 and 0.5 < as_told.weights[:, lids].max() < 0.7
@@ -164,6 +171,26 @@ def test_the_threshold_reaches_the_patches(tmp_path, monkeypatch, capsys):
     write_model(tmp_path / "m.npz", KIND, VERSION, *pack(PatchClassifier([REST], {})))
     assert main(["facs", "predict", "v.mp4", *common, "--model", str(tmp_path / "m.npz")]) == 1
     assert "The threshold of paint is -1, but must be 0 or more" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("lost", "said"), [(0, False), (3, False), (4, True)])
+def test_lost_still_points_are_said(monkeypatch, caplog, lost, said):
+    sure = np.ones(30)
+    sure[10 : 10 + lost] = 0.4
+    cut = [Patches({}, RATE, part, {}) for part in np.split(sure, 2)]
+    monkeypatch.setattr("blendcap.makeup.patches.each_block", lambda *_, **__: iter(cut))
+    film = SimpleNamespace(count=30, size=SIZE, rate=RATE, frames=lambda grey: iter([]))
+    assert len(list(blocks([film], Setup({}, [], []), None, Progress(quiet=True)))) == 2  # pyright: ignore[reportArgumentType]
+    assert (f"In {lost} of 30 frames half of the markers that hold the picture still" in caplog.text) == said
+
+
+def test_a_trained_machine_says_its_shares_in_words():
+    scores = {"unit": 0.99, "unit, all frames": 0.9, "unit and intensity": 0.5}
+    said = _told_right({"eyes": scores, "mouth": scores | {"unit": 0.25}})
+    assert said == (
+        "eyes 99% of the clear frames told right, 90% of all, 50% with the intensity; "
+        "mouth 25% of the clear frames told right, 90% of all, 50% with the intensity"
+    )
 
 
 def test_cameras_come_back_from_their_file(tmp_path):
@@ -285,6 +312,26 @@ def test_the_dot_of_a_missing_marker_is_still_in_the_picture(rig, bound):
     assert np.isnan(dots[:, 5]).all()
 
 
+def test_a_marker_behind_the_nose_holds_no_picture_still(rig, bound, monkeypatch):
+    take, binding = bound
+    nose = landmarks68(rig).select(("30",)).positions(rig.mesh)[0]
+    places = binding.points.positions(rig.mesh)
+    eye, there = binding.to_take(nose + np.array([260.0, 0, 40])), binding.to_take(nose)
+    side = Camera([[400, 0, 320], [0, 400, 240], [0, 0, 1]], look_at(eye, there))
+    face = RayTarget(binding.to_take(rig.mesh.vertices), rig.mesh.faces)
+    hidden = _hidden(binding.to_take(places), side, face)
+    assert hidden[places[:, 0] < -40].all() and not hidden[places[:, 0] > 40].any()  # the far cheek, and the near one
+
+    helmet = mount_head_camera(rig, seed=1)
+    sizes = [helmet.size] * 4
+    before = locate(rig, take, binding, helmet.cameras, sizes).anchors[0]
+    pixels, _ = project(take.positions[0], helmet.cameras[0])
+    stillest = int(np.linalg.norm(pixels - before[0], axis=1).argmin())
+    monkeypatch.setattr("blendcap.makeup.setup._hidden", lambda points, *_: np.arange(len(points)) == stillest)
+    after = locate(rig, take, binding, helmet.cameras, sizes).anchors[0]
+    assert np.linalg.norm(after - before[0], axis=1).min() > 1
+
+
 @pytest.mark.parametrize(
     ("factor", "sentence"),
     [(0.001, '1000 times as long.*"unit": "m"'), (0.1, '10 times as long.*"cm"'), (1 / 25.4, '25.4 times.*"in"'),
@@ -321,10 +368,10 @@ def test_video_of_another_length_is_refused(rig, bound, tmp_path, capsys):
     assert main(["facs", "train", str(tmp_path / "v.mp4"), *common]) == 1
     assert "has 7 frames at 30 a second, but the take" in capsys.readouterr().err
     assert main(["facs", "train", *[str(tmp_path / "v.mp4")] * 2, *common]) == 1
-    assert "There are 2 videos, but 1 cameras" in capsys.readouterr().err
+    assert "Videos: 2; cameras: 1 (" in capsys.readouterr().err
     twice = ["--take", str(tmp_path / "t.c3d")]
     assert main(["facs", "train", *[str(tmp_path / "v.mp4")] * 2, *common, *twice]) == 1
-    assert "There are 2 takes, 1 turns, 0 weights and 2 videos; give turns for each take" in capsys.readouterr().err
+    assert "Takes: 2; turns: 1; weights: 0; videos: 2. Give turns for each take" in capsys.readouterr().err
     assert not (tmp_path / "m.npz").exists()
 
 

@@ -53,5 +53,5 @@ def test_what_is_wrong_in_a_folder_is_said(folder):
     with pytest.raises(InputError, match="no such file"):
         read_annotated(folder / "elsewhere")
     np.savez(folder / "other.npz", meta=np.array('{"kind": "rig"}'))
-    with pytest.raises(InputError, match="is not a landmark model"):
+    with pytest.raises(InputError, match="holds no landmark model"):
         read_landmark_model(folder / "other.npz")

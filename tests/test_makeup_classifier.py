@@ -282,6 +282,30 @@ def test_a_lesson_of_another_length_or_of_one_showing_is_refused(lesson):
         train_classifier(once, lone, regions=[REGION])
 
 
+@pytest.mark.parametrize(
+    ("spans", "sentence"),
+    [
+        ([(12.0, 36.0, "AU4")], "Showing 1, of AU4 from 12 to 36 s, ends after the lesson, which lasts 10 s; showings"),
+        ([(1, 2, "AU4"), (3, 5, "AU1"), (4, 6, "AU2")], "Showings 2 and 3, of AU1 and AU2, overlap; tell what was"),
+    ],
+)
+def test_showings_after_the_end_and_two_at_once_are_refused(spans, sentence):
+    with pytest.raises(InputError, match=sentence):
+        Lesson.of_spans(spans, 100, 10.0)
+
+
+def test_showings_may_follow_one_another_and_end_with_the_film():
+    lesson = Lesson.of_spans([(8.0, 9.04, "AU4"), (9.0, 10.1, "AU1")], 100, 10.0)
+    assert list(np.unique(lesson.repetitions, return_counts=True)[1]) == [80, 10, 10]
+
+
+def test_a_lesson_that_shows_nothing_says_so(lesson):
+    patches, shown, _ = lesson
+    rest = Lesson(np.full(len(shown.units), "", dtype=object), np.zeros(len(shown.units), dtype=int))
+    with pytest.raises(InputError, match=r"shows none of the units of the regions; it shows nothing\."):
+        train_classifier(patches, rest, regions=[REGION])
+
+
 def test_a_frozen_film_and_a_showing_of_a_moment_are_refused(lesson):
     patches, shown, _ = lesson
     frozen = replace(patches, images={name: np.broadcast_to(patches.neutral[name], f.shape).copy()
@@ -324,7 +348,7 @@ def test_damaged_classifiers_are_refused(trained, tmp_path):
     path = tmp_path / "model.npz"
     meta, arrays = pack(trained)
     write_model(path, "something else", VERSION, meta, arrays)
-    with pytest.raises(InputError, match="is not a patch classifier"):
+    with pytest.raises(InputError, match="holds no patch classifier"):
         read_model(path, KIND, VERSION)
     write_model(path, KIND, 99, meta, arrays)
     with pytest.raises(InputError, match="of version 99, but 2 is read here"):

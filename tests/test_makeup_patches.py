@@ -133,6 +133,13 @@ def test_a_threshold_of_zero_is_a_threshold():
     assert (anything >= bright).all() and 0.05 < bright.mean() < 0.2 and found.mean() < 0.2
 
 
+def test_a_threshold_above_all_paint_is_refused():
+    with pytest.raises(
+        InputError, match=r"Nothing in the patch 'forehead' of the first frame is brighter .* by 50 times"
+    ):
+        cut([frame()], threshold=50.0)
+
+
 @pytest.mark.parametrize("threshold", [-0.1, np.nan, np.inf])
 def test_a_threshold_that_cannot_be_is_refused(threshold):
     with pytest.raises(InputError, match=r"threshold of paint is .* must be 0 or more"):

@@ -93,7 +93,20 @@ def train(
         "left_out": {model.region.name: dict(model.scores) for model in classifier.models},
         "seconds": progress.seconds,
     }
-    (print_json if as_json else print_lines)(facts)
+    if as_json:
+        print_json(facts)
+    else:
+        print_lines({key: _told_right(value) if key == "left_out" else value for key, value in facts.items()})
+
+
+def _told_right(regions: dict[str, dict[str, float]]) -> str:
+    """Of showings that were left out of the training, the share of frames that were told right, region by region."""
+    said = [
+        f"{name} {scores['unit']:.0%} of the clear frames told right, {scores['unit, all frames']:.0%} of all, "
+        f"{scores['unit and intensity']:.0%} with the intensity"
+        for name, scores in regions.items()
+    ]
+    return "; ".join(said)
 
 
 def _lesson(
@@ -176,9 +189,15 @@ def predict(
         "rate": curves.rate,
         "shapes": list(curves.names),
         "largest": dict(zip(curves.names, curves.weights.max(0).tolist(), strict=True)),
+        "trusted": dict(zip(curves.names, _trusted(curves), strict=True)),
         "seconds": progress.seconds,
     }
     (print_json if as_json else print_lines)(facts)
+
+
+def _trusted(curves: Animation) -> list[float]:
+    """How far each curve is trusted, 0 to 1, in the mean over the take."""
+    return [1.0] * len(curves.names) if curves.confidence is None else curves.confidence.mean(0).tolist()
 
 
 def _show(films: list[Video], setup: Setup, curves: Animation, overlay, picture, progress: Progress) -> None:

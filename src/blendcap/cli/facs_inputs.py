@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -20,6 +21,9 @@ if TYPE_CHECKING:
     from blendcap.makeup.setup import Setup
 
 DOT = 0.011  # radius of a marker's dot that is taken off the paint, of the picture's height
+LOST, OFTEN = 0.5, 0.1  # part of a frame's still points below which it is lost; part of such frames that is told
+
+log = logging.getLogger(__name__)
 
 
 @Parameter(name="*")
@@ -46,8 +50,8 @@ def by_take(
     each, over = divmod(len(videos), len(takes))
     if len(turns) != len(takes) or len(weights) not in (0, len(takes)) or over:
         raise blendcap.InputError(
-            f"There are {len(takes)} takes, {len(turns)} turns, {len(weights)} weights and {len(videos)} videos; give "
-            "turns for each take, weights for each or none, and every take's videos, take by take."
+            f"Takes: {len(takes)}; turns: {len(turns)}; weights: {len(weights)}; videos: {len(videos)}. Give turns for "
+            "each take, weights for each or none, and every take's videos, take by take."
         )
     films = [videos[k * each : (k + 1) * each] for k in range(len(takes))]
     return list(zip(films, takes, turns, weights or [None] * len(takes), strict=True))
@@ -72,7 +76,8 @@ def stage(videos: Sequence[Path], take: Path, footage: Footage) -> tuple[list[Vi
 def _check_films(films: list[Video], cameras: Cameras, frames: int, rate: float) -> None:
     if len(films) != len(cameras):
         raise blendcap.InputError(
-            f"There are {len(films)} videos, but {len(cameras)} cameras ({', '.join(cameras)}); give one a camera."
+            f"Videos: {len(films)}; cameras: {len(cameras)} ({', '.join(cameras)}). Give one video a camera, in their "
+            "order."
         )
     for film, (name, (_, size)) in zip(films, cameras.items(), strict=True):
         other = next((n for n in cameras if n in film.path.stem), None)
@@ -97,7 +102,7 @@ def blocks(films: list[Video], setup: Setup, threshold: float | None, progress: 
     """The patches, block by block, with progress."""
     from blendcap.makeup.patches import each_block
 
-    done, count = 0, films[0].count
+    done, lost, count = 0, 0, films[0].count
     pictures = [film.frames(grey=True) for film in films]
     radius = DOT * films[0].size[1]
     with progress.step("patches", f"Cut the patches of {count:,} frames", total=count) as tell:
@@ -105,9 +110,15 @@ def blocks(films: list[Video], setup: Setup, threshold: float | None, progress: 
             pictures, setup.places, setup.anchors, films[0].rate, dots=setup.dots, dot_radius=radius,
             threshold=threshold,
         ):  # fmt: skip
-            done += len(block.sure)
+            done, lost = done + len(block.sure), lost + int((block.sure < LOST).sum())
             tell(done)
             yield block
+    if lost > OFTEN * done:
+        log.warning(
+            "In %d of %d frames half of the markers that hold the picture still, or more, were lost: patches may be "
+            "beside the paint there, and are not trusted. Name markers that the cameras see well and that the face "
+            "does not move: --stable.", lost, done,
+        )  # fmt: skip
 
 
 def table_of(path: Path | None) -> Mapping[str, Mapping[str, float]]:

@@ -55,13 +55,15 @@ def _for_people(facts: dict[str, Any], given: str | None) -> dict[str, Any]:
         gaps = said.pop("missing_of_marker")
         said["have gaps"] = [f"{name} {100 * share:.3g}%" for name, share in gaps.items()]
         spans = [(name, *span) for name, some in said.pop("filled").items() for span in some]
-        said["filled"] = [f"{name} {first} to {last}" for name, first, last in spans]
+        said["filled"] = [f"{name} frames {first} to {last}" for name, first, last in spans]
     if "missing" in facts:
         said["missing"] = f"{100 * facts['missing']:.3g} % of the samples"
     if facts.get("size"):
         said["size"] = _size(facts)
     if facts["kind"] != "markers":
         said.pop("unit", None)  # the size says it
+    if facts["kind"] == "cameras":
+        said["cameras"] = [f"{name} ({width} x {height} pixels)" for name, (width, height) in facts["cameras"].items()]
     if facts["kind"] == "rig":
         said["points"] = [f"{name} ({count})" for name, count in facts["points"].items()]
     return dict(sorted(said.items(), key=lambda item: isinstance(item[1], list | dict)))

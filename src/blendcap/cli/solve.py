@@ -129,6 +129,10 @@ def solve(
     from blendcap.view.concerns import concerns
 
     outputs.check((take, rig, rom, correspondences, patches))
+    if patches is None and patches_offset is not None:
+        raise blendcap.InputError(
+            "--patches-offset says when the curves of --patches begin; give these, or leave it out."
+        )
     settings = choices.settings()
     progress = Progress(quiet=as_json)
     with progress.step("read", "Read the rig and the take"):

@@ -42,7 +42,7 @@ def read_kind(path: str | os.PathLike, kind: str) -> tuple[dict[str, Any], dict[
     meta = read_meta(arrays, path)
     if meta.get("kind") != kind:
         raise InputError(
-            f"{path} is not a {kind} of ours (its meta says {meta.get('kind', 'nothing')!r}); give the file of one."
+            f"{path} holds no {kind} of ours (its meta says {meta.get('kind', 'nothing')!r}); give the file of one."
         )
     arrays.pop("meta", None)
     return meta, arrays

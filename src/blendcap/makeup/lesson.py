@@ -61,9 +61,27 @@ class Lesson:
     def of_spans(
         cls, spans: Sequence[tuple[float, float, str]], frames: int, rate: float, weights: Animation | None = None
     ) -> Lesson:
-        """From spans (start, end, unit), seconds, one a showing."""
+        """From spans (start, end, unit), seconds, one a showing.
+
+        Raises
+        ------
+        InputError
+            If a showing ends after the last frame, or two overlap by more than a frame.
+        """
         units, repetitions = np.full(frames, "", dtype=object), np.zeros(frames, dtype=int)
         for number, (start, end, unit) in enumerate(spans, 1):
+            if end * rate > frames + 1:
+                raise InputError(
+                    f"Showing {number}, of {unit} from {start:g} to {end:g} s, ends after the lesson, which lasts "
+                    f"{frames / rate:.4g} s; showings are told in seconds from its first frame."
+                )
             part = slice(round(start * rate), round(end * rate))
+            taken = np.flatnonzero(repetitions[part])
+            if len(taken) > 1:
+                other = repetitions[part][taken[0]]
+                raise InputError(
+                    f"Showings {other} and {number}, of {units[part][taken[0]]} and {unit}, overlap; tell what was "
+                    "shown together as one showing, such as AU1+2, and the rest one after the other."
+                )
             units[part], repetitions[part] = unit, number
         return cls(units, repetitions, weights)

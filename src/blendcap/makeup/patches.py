@@ -178,7 +178,13 @@ class _Cutter:
             patch = cut_out(frame, warp)
             if first:
                 self.limits[name] = paint_threshold(patch, name) if self.threshold is None else self.threshold
-            self.images[name].append(paint(patch, self.limits[name], _inside(dots, warp), radius * _zoom(warp)))
+            found = paint(patch, self.limits[name], _inside(dots, warp), radius * _zoom(warp))
+            if first and not found.any():
+                raise InputError(
+                    f"Nothing in the patch {name!r} of the first frame is brighter than the skin around it by "
+                    f"{self.limits[name]:g} times the patch's median; give a smaller threshold, or none to find one."
+                )
+            self.images[name].append(found)
 
 
 def patch_warp(corners: np.ndarray) -> np.ndarray:

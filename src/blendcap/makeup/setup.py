@@ -10,9 +10,11 @@ import numpy as np
 
 from blendcap.data import Binding, Camera, InputError, MarkerTake, Rig, landmarks68
 from blendcap.makeup.regions import seen_patches
+from blendcap.modeling.rays import RayTarget
 from blendcap.rendering import project
 
 FACING = 0.35  # cosine between skin and camera from which on a dot is round enough to follow
+BEFORE = 2.0  # mm by which something before a marker hides it
 BORDER = 12  # pixels between a dot that is followed and the border of the picture
 LEAST_FACE, FACE = 0.08, 0.25  # of the picture's height: no face is seen that is smaller; one before a head camera is
 UNITS = {10.0: "cm", 25.4: "in", 1000.0: "m", 0.1: "mm", 1 / 25.4: "mm", 0.001: "mm"}  # what lengths are, by factor
@@ -85,9 +87,11 @@ def _anchors(rig: Rig, binding: Binding, cameras, sizes, stable: Sequence[str]) 
     rest = binding.to_take(binding.points.positions(rig.mesh) + binding.offsets)
     normals = _normals(rig, binding) @ binding.rotation
     motion = np.linalg.norm(rig.sample(binding.points)[1], axis=2).max(0)
+    face = RayTarget(binding.to_take(rig.mesh.vertices), rig.mesh.faces)
     anchors = []
     for camera, size in zip(cameras, sizes, strict=True):
         pixels, seen = _seen(rest, normals, camera, size)
+        seen &= ~_hidden(rest, camera, face)
         rows = [names.index(name) for name in stable if seen[names.index(name)]]
         if not stable:
             quiet = np.flatnonzero(seen)[np.argsort(motion[seen], kind="stable")]
@@ -147,3 +151,11 @@ def _seen(
     facing = (normals * towards).sum(1) / np.linalg.norm(towards, axis=1)
     inside = (pixels > BORDER).all(1) & (pixels < np.array(size) - BORDER).all(1)
     return pixels, (depth > 0) & (facing > FACING) & inside
+
+
+def _hidden(points: np.ndarray, camera: Camera, face: RayTarget) -> np.ndarray:
+    """Which points (M, 3) lie behind something, (M,) bool: a nose, lips."""
+    ways = points - camera.position
+    far = np.linalg.norm(ways, axis=1)
+    _, distances, _ = face.first(np.tile(camera.position, (len(points), 1)), ways / far[:, None])
+    return distances < far - BEFORE

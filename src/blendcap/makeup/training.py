@@ -127,7 +127,9 @@ def _shown(takes: Sequence[Take], regions: Sequence[Region], method: str) -> set
     known = tuple(dict.fromkeys(unit for region in regions for unit in region.units))
     foreign = sorted(turn for turn in shown if not any(counts(turn, unit, method) for unit in known))
     if len(foreign) == len(shown):
-        raise InputError(f"The lesson shows none of the units of the regions; it shows {', '.join(sorted(shown))}.")
+        raise InputError(
+            f"The lesson shows none of the units of the regions; it shows {', '.join(sorted(shown)) or 'nothing'}."
+        )
     if foreign:
         log.warning(
             "The showings of %s teach none of the units that are told: %s.", ", ".join(foreign), ", ".join(known)

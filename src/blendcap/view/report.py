@@ -67,7 +67,7 @@ def write_report(
         ("What the patches changed", "" if alone is None else comparison(rig, alone, solution, patches)),
         ("Where the error sits", _pictures(rig, solution, binding)),
         ("Over time", _curves(solution, binding)),
-        ("Shapes", page.figure(inline_svg(plots.plot_shapes(animation))) + _shapes_table(solution)),
+        ("Shapes", page.figure(inline_svg(plots.plot_shapes(animation))) + _shapes_table(solution, alone)),
         ("Markers", page.figure(inline_svg(plots.plot_marker_errors(solution))) + _markers_table(solution)),
         ("What was asked, and what it took", _settings(solution)),
         ("What to open next", page.sentences(next_steps)),
@@ -141,20 +141,26 @@ def _curves(solution: Solution, binding: Binding | None) -> str:
     return "".join(page.figure(inline_svg(figure), words) for figure, words in figures)
 
 
-def _shapes_table(solution: Solution) -> str:
+def _shapes_table(solution: Solution, alone: Solution | None) -> str:
     weights = np.nan_to_num(solution.animation.weights)
     rows = []
     for n in np.argsort(-weights.max(0), kind="stable"):
         name, curve = solution.animation.names[n], weights[:, n]
         rows.append(
-            [name, f"{curve.max():.2f}", f"{curve.mean():.3f}", f"{(curve > 0.02).mean():.0%}", _seen(solution, name)]
+            [
+                name,
+                f"{curve.max():.2f}",
+                f"{curve.mean():.3f}",
+                f"{(curve > 0.02).mean():.0%}",
+                _seen(solution, alone, name),
+            ]
         )
     return _folded("All shapes", page.table(["shape", "largest", "mean", "frames on", "by the markers"], rows))
 
 
-def _seen(solution: Solution, name: str) -> str:
+def _seen(solution: Solution, alone: Solution | None, name: str) -> str:
     if name not in solution.unseen:
-        return "seen"
+        return "seen" if alone is None or name not in alone.unseen else "unseen, told by the patches"
     return f"{'held, ' if name in solution.held else ''}unseen ({sight(solution.unseen[name])})"
 
 
