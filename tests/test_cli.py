@@ -1,6 +1,7 @@
 """The command line: what it answers, and the one sentence with which it refuses."""
 
 import json
+import logging
 import os
 import re
 import struct
@@ -492,6 +493,25 @@ def test_info_says_that_filled_gaps_are_told_by_frames(folder, monkeypatch, caps
     monkeypatch.setattr("blendcap.cli.info._filled", lambda _: {"filled": {"m3": [(4, 9), (12, 15)]}})
     assert main(["info", "take.c3d"]) == 0
     assert "filled     2: m3 frames 4 to 9, m3 frames 12 to 15" in capsys.readouterr().out
+
+
+def test_of_the_markers_alone_beside_a_hybrid_solve_nothing_is_warned(folder, monkeypatch, capsys):
+    blendcap.write_animation("curves.csv", blendcap.read_animation("truth.csv").select(["lift"]))
+    solves, solve = [], blendcap.solve
+
+    def warned(*given, patches=None, **options):
+        logging.getLogger("blendcap.markers.solve").warning("seen by no marker, %s", "hybrid" if patches else "alone")
+        solves.append(patches is not None)
+        return solve(*given, patches=patches, **options)
+
+    monkeypatch.setattr(blendcap, "solve", warned)
+    common = ["solve", "take.c3d", "--rig", "rig.glb", "-o", "both.csv"]
+    assert main([*common, "--patches", "curves.csv", "--report", "both.html"]) == 0
+    said = capsys.readouterr().err
+    assert solves == [True, False] and "no marker, hybrid" in said and "no marker, alone" not in said
+    assert "What the patches changed" in Path("both.html").read_text(encoding="utf-8")
+    assert main(common) == 0
+    assert "no marker, alone" in capsys.readouterr().err  # a solve of markers alone warns as ever
 
 
 def test_an_offset_without_patches_is_refused(folder, capsys):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -19,6 +21,8 @@ PREVIEW_SIZE = (960, 540)
 PLACES_SIZE = (1920, 1080)  # room for the names of the markers
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from blendcap import SolveSettings
     from blendcap.data import Animation, Binding, MarkerTake, Rig, Solution
 
@@ -145,7 +149,7 @@ def solve(
     binding, solution = bind_and_solve(the_rig, the_take, places, motion, settings, progress, **hybrid)
     beside = None
     if curves is not None and (outputs.preview or outputs.report):
-        with progress.step("alone", "Solve the markers alone, to compare") as tell:
+        with progress.step("alone", "Solve the markers alone, to compare") as tell, _unwarned():
             beside = blendcap.solve(the_rig, the_take, binding, settings=settings, progress=tell)
     told = _shifted(curves, patches_offset)
     files = write_answers(the_rig, solution, binding, progress, outputs, alone=beside, patches=told)
@@ -161,6 +165,18 @@ def _say(facts: dict[str, Any], doubts: list[str], files: list[Path], as_json: b
     print_lines({k: v for k, v in facts.items() if k not in not_here} | {"wrote": ", ".join(written)})
     for doubt in doubts:
         print(f"look twice: {doubt}")
+
+
+@contextmanager
+def _unwarned() -> Iterator[None]:
+    """What the markers alone cannot tell is what the patches are for: no reason to warn of it."""
+    logger = logging.getLogger("blendcap.markers.solve")
+    level = logger.level
+    logger.setLevel(logging.ERROR)
+    try:
+        yield
+    finally:
+        logger.setLevel(level)
 
 
 def _shifted(curves: Animation | None, offset: float | None) -> Animation | None:

@@ -106,9 +106,10 @@ def _unseen(rig: Rig, solution: Solution) -> list[str]:
     for held, what in ((True, "are held at rest"), (False, "follow their partner or are a guess")):
         names = [name for name in others if (name in solution.held) == held]
         if names:
+            order = "; those that move the face most come first" if len(names) > 1 else ""
             said.append(
-                f"The markers cannot tell {len(names)} {'more ' if blinks else ''}of the shapes, which {what}; those "
-                f"that move the face most come first: {_seen_so(solution, names)}."
+                f"The markers cannot tell {len(names)} {'more ' if blinks else ''}of the shapes, which {what}{order}: "
+                f"{_seen_so(solution, names)}."
             )
     return said
 
