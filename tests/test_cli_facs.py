@@ -160,12 +160,18 @@ def test_options_of_a_prediction_reach_the_curves(weak, tmp_path, capsys):
     assert quiet.confidence[0].max() < 0.05 < default.confidence[0].max()
 
 
-def test_the_threshold_reaches_the_patches(tmp_path, monkeypatch, capsys):
+def test_the_threshold_reaches_the_patches_and_wrong_turns_and_features_do_not(tmp_path, monkeypatch, capsys):
     film = SimpleNamespace(count=3, size=SIZE, rate=RATE, frames=lambda grey: iter([]))
     monkeypatch.setattr("blendcap.cli.facs.stage", lambda *_: ([film], Setup({}, [np.zeros((0, 2))], [])))
-    (tmp_path / "t.csv").write_text("start,end,unit\n0,1,AU4\n", encoding="utf-8")
+    (tmp_path / "t.csv").write_text("start,end,unit\n0,0.2,AU4\n", encoding="utf-8")
+    (tmp_path / "late.csv").write_text("start,end,unit\n0,3,AU4\n", encoding="utf-8")
     common = [word for option in ("--cameras", "--rig", "--take") for word in (option, "unused")]
     common += ["-o", str(tmp_path / "o.npz"), "--threshold", "-1"]
+    assert main(["facs", "train", "v.mp4", *common, "--turns", str(tmp_path / "late.csv")]) == 1
+    said = capsys.readouterr()
+    assert "ends after the lesson, which lasts 0.2 s" in said.err and "Cut the patches" not in said.out + said.err
+    assert main(["facs", "train", "v.mp4", *common, "--turns", "unused", "--features", "gabbor"]) == 1
+    assert "The features 'gabbor' are unknown" in capsys.readouterr().err
     assert main(["facs", "train", "v.mp4", *common, "--turns", str(tmp_path / "t.csv")]) == 1
     assert "The threshold of paint is -1, but must be 0 or more" in capsys.readouterr().err
     write_model(tmp_path / "m.npz", KIND, VERSION, *pack(PatchClassifier([REST], {})))

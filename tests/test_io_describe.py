@@ -32,7 +32,9 @@ def test_a_model_says_what_it_is_of(tmp_path):
     write_model(tmp_path / "units.npz", "patch classifier", 3, {}, {"means": np.zeros(4)})
     facts = describe(tmp_path / "units.npz")
     assert (facts["kind"], facts["of"], facts["version"]) == ("model", "patch classifier", 3)
-    assert "means" in facts["arrays"]
+    assert "means" in facts["arrays"] and "units" not in facts
+    write_model(tmp_path / "units.npz", "patch classifier", 3, {"units": ("AU4", "AU45L")}, {"means": np.zeros(4)})
+    assert describe(tmp_path / "units.npz")["units"] == ["AU4", "AU45L"]
 
 
 @pytest.mark.parametrize(

@@ -75,9 +75,12 @@ def train(
         Print the answer as JSON.
     """
     from blendcap.io.models import write_model
+    from blendcap.makeup.features import check_features
     from blendcap.makeup.packing import KIND, VERSION, pack
 
     check_outputs([output], MODELS)
+    if features is not None:
+        check_features(features)
     taught, shapes, progress = by_take(videos, take, turns, weights), table_of(table), Progress(quiet=as_json)
     patches, lessons = zip(*(_lesson(*files, footage, progress) for files in taught), strict=True)
     frames = sum(len(cut.sure) for cut in patches)
@@ -122,8 +125,8 @@ def _lesson(
         spans = read_turns(turns)
         solved = None if weights is None else read_animation(weights)
         films, setup = stage(videos, take, footage)
-    cut = collect(blocks(films, setup, footage.threshold, progress))
-    return cut, Lesson.of_spans(spans, len(cut.sure), cut.rate, solved)
+        lesson = Lesson.of_spans(spans, films[0].count, films[0].rate, solved)  # refused before the long work
+    return collect(blocks(films, setup, footage.threshold, progress)), lesson
 
 
 @facs.command

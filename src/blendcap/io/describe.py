@@ -144,11 +144,14 @@ def _notes(path: str | os.PathLike) -> dict[str, Any]:
 
 
 def _model(path: str | os.PathLike) -> dict[str, Any] | None:
-    """Kind and version of an archive of ours that is neither rig nor animation."""
+    """Kind, version and action units, if it tells such, of an archive of ours that is neither rig nor animation."""
     meta = read_meta(read_npz(path, "meta"), path)
     if meta.get("kind") in (None, "rig", "animation"):
         return None
-    return {"kind": "model", "of": meta["kind"], "version": meta.get("version"), "arrays": sorted(npz_names(path))}
+    units = meta.get("units")
+    told = {"units": [str(unit) for unit in units]} if isinstance(units, list) else {}
+    return {"kind": "model", "of": meta["kind"], "version": meta.get("version"), **told,
+            "arrays": sorted(npz_names(path))}  # fmt: skip
 
 
 def _surface(mesh: Mesh) -> dict[str, Any]:
