@@ -83,7 +83,7 @@ def test_a_sheet_has_the_form_of_a_screen_and_names_that_fit():
                                              (60, 30), (120, 30), (240, 30)])  # fmt: skip
 def test_a_film_has_at_most_thirty_pictures_a_second_in_real_time(rate, shown):
     animation = Animation(np.zeros((240, 1)), ("jawOpen",), rate)
-    film = thin_film(animation, (96, 54))
+    film = thin_film(animation)
     assert film.rate(animation) == pytest.approx(shown)
     assert film.count(animation) / film.rate(animation) == pytest.approx(240 / rate, abs=1 / shown)
     assert ("real time" in writes(Path("a.mp4"), film, animation)) == (film.every > 1)

@@ -17,7 +17,6 @@ from blendcap.cli.outputs import ANIMATIONS, PAGES, PICTURES, PLACES, VIDEOS, ch
 from blendcap.cli.progress import Progress
 from blendcap.cli.solve_inputs import check_inputs
 
-PREVIEW_SIZE = (960, 540)
 PLACES_SIZE = (1920, 1080)  # room for the names of the markers
 
 if TYPE_CHECKING:
@@ -238,11 +237,11 @@ def write_answers(
 def _write_preview(path: Path, rig: Rig, solution: Solution, alone: Solution | None, progress: Progress) -> None:
     from blendcap.view import write_comparison, write_preview
 
-    whole, (width, height) = solution.animation, PREVIEW_SIZE
-    film = thin_film(whole, PREVIEW_SIZE)
+    whole = solution.animation
+    film = thin_film(whole)
     with progress.step("preview", writes(path, film, whole), total=film.count(whole)) as tell:
         if alone is not None:
-            half = replace(film, size=(width // 2, height), yaws=(0.0,))
+            half = replace(film, size=(film.size[0] // 2, film.size[1]), yaws=(0.0,))
             write_comparison(path, rig, alone.animation, whole, half, progress=tell)
         else:
             marked = {"targets": solution.targets, "fitted": solution.fitted}

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from blendcap.data import Animation, Rig
     from blendcap.io.video import Video
 
-FILM_SIZE = (960, 540)
 FACE_SIZE = (486, 540)  # beside a film
 
 
@@ -113,7 +112,7 @@ def _write_film(
     """The animation by itself, or beside the film of the performance."""
     from blendcap.view import write_beside_film, write_preview
 
-    film = thin_film(animation, FILM_SIZE, title=rig.name)
+    film = thin_film(animation, rig.name)
     with progress.step("film", writes(path, film, animation), total=film.count(animation)) as tell:
         if video is None:
             write_preview(path, rig, animation, film, progress=tell)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
+from blendcap.numerics.stretches import stretches
+
 WINDOW = 12  # frames that one cubic must explain
 SURE = 0.1  # of the usual tremble: no window of measured frames is as calm
 LIKELY = 0.3  # a window beside a sure one belongs to the same stretch below this
@@ -46,8 +48,7 @@ def calm_runs(left: np.ndarray, usual: np.ndarray) -> list[tuple[int, int]]:
 
 def runs(windows: np.ndarray) -> list[tuple[int, int]]:
     """(first, last) frames of windows (T - 11,) bool in a row."""
-    edges = np.flatnonzero(np.diff(np.r_[0, windows.astype(int), 0]))
-    return [(int(i), int(j) + WINDOW - 2) for i, j in zip(edges[::2], edges[1::2], strict=True)]
+    return [(first, last + WINDOW - 1) for first, last in stretches(windows)]
 
 
 def quantile(values: np.ndarray, part: float) -> np.ndarray:

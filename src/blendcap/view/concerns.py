@@ -7,6 +7,7 @@ from scipy.ndimage import uniform_filter1d
 
 from blendcap.data import Binding, Rig, Solution
 from blendcap.data.names import canonical, listed
+from blendcap.numerics.stretches import stretches
 from blendcap.solving.shares import full_weights
 from blendcap.view.parted_lips import parted_lips
 from blendcap.view.plots import marker_errors
@@ -147,13 +148,11 @@ def _spans_astray(solution: Solution, usual: float) -> list[tuple[int, int, int]
     squared, seen = np.nan_to_num(solution.residuals) ** 2, np.isfinite(solution.residuals).astype(float)
     squared, seen = (uniform_filter1d(values, width, axis=0, mode="nearest") for values in (squared, seen))
     error = np.sqrt(np.maximum(squared, 0) / np.maximum(seen, 1 / width))
-    spans = []
-    for m in np.flatnonzero((error > max(ASTRAY * usual, FAR)).any(0)):
-        edges = np.flatnonzero(np.diff(np.r_[0, error[:, m] > max(ASTRAY * usual, FAR), 0]))
-        starts, stops = edges[::2], edges[1::2]
-        k = int((stops - starts).argmax())
-        if stops[k] - starts[k] > width:
-            spans.append((int(m), int(starts[k]), int(stops[k]) - 1))
+    off, spans = error > max(ASTRAY * usual, FAR), []
+    for m in np.flatnonzero(off.any(0)):
+        first, last = max(stretches(off[:, m]), key=lambda stretch: stretch[1] - stretch[0])
+        if last - first + 1 > width:
+            spans.append((int(m), first, last))
     return spans
 
 

@@ -8,13 +8,12 @@ from scipy.ndimage import uniform_filter1d
 from blendcap.data import Binding, Rig, Solution
 from blendcap.data.names import canonical
 from blendcap.modeling.contacts import find_contacts
+from blendcap.numerics.stretches import stretches
 from blendcap.view.posing import weights_on
 
 UP = 1  # the axis along which lips part
-ASIDE, AWAY = (
-    15.0,
-    30.0,
-)  # mm from the middle of the lips, sideways and in all: a marker that tells whether they are shut
+# mm from the middle of the lips, sideways and in all: a marker that tells whether they are shut
+ASIDE, AWAY = 15.0, 30.0
 CLOSE = 1.5  # mm: markers that came no farther apart than this are about as close as at rest
 PARTED = 2.0  # mm: what an eye sees
 UNKNOWN = 1000.0  # mm: markers that nobody sees are not close
@@ -44,11 +43,11 @@ def parted_lips(rig: Rig, solution: Solution, binding: Binding) -> tuple[float, 
     apart = np.nan_to_num(apart - np.linalg.norm(at_rest[markers[0]] - at_rest[markers[1]]), nan=UNKNOWN)
     width = max(1, round(AROUND * solution.animation.rate))
     way, apart = (uniform_filter1d(values, width, mode="nearest") for values in (way, apart))
-    edges = np.flatnonzero(np.diff(np.r_[0, (way > PARTED) & (apart < CLOSE), 0]))
-    stretches = [(int(i), int(j) - 1) for i, j in zip(edges[::2], edges[1::2], strict=True) if j - i >= width]
-    if not stretches:
+    first, last = max(
+        stretches((way > PARTED) & (apart < CLOSE)), key=lambda stretch: stretch[1] - stretch[0], default=(0, -1)
+    )
+    if last - first + 1 < width:
         return None
-    first, last = max(stretches, key=lambda stretch: stretch[1] - stretch[0])
     return float(way[first : last + 1].max()), first, last
 
 
