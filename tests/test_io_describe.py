@@ -28,6 +28,12 @@ def test_notes_beside_a_take_are_told_apart(tmp_path):
     assert describe(tmp_path / "places.json") == {"kind": "places", "markers": ["30", "8"]}
 
 
+def test_turns_say_how_often_each_unit_is_shown(tmp_path):
+    (tmp_path / "t.csv").write_text("start,end,unit,who\n1,2,AU4,A\n7.5,9.5,AU4,A\n3,4,AU45L,A\n", encoding="utf-8")
+    units = {"AU4": 2, "AU45L": 1}
+    assert describe(tmp_path / "t.csv") == {"kind": "turns", "showings": 3, "seconds": 9.5, "units": units}
+
+
 def test_a_model_says_what_it_is_of(tmp_path):
     write_model(tmp_path / "units.npz", "patch classifier", 3, {}, {"means": np.zeros(4)})
     facts = describe(tmp_path / "units.npz")

@@ -19,7 +19,8 @@ def info(
     Parameters
     ----------
     file
-        A rig, a mesh, a marker take, an animation, a video, cameras, places of markers, or a trained model.
+        A rig, a mesh, a marker take, an animation, a video, cameras, places of markers, turns of a lesson, or a trained
+        model.
     unit
         The unit of a rig, a mesh or a take, in place of the one that the file states.
     as_json

@@ -21,6 +21,7 @@ from blendcap.io.npz import npz_names, read_meta, read_npz
 from blendcap.io.opening import existing_file, read_json, reading
 from blendcap.io.points_json import read_points
 from blendcap.io.tables import read_table
+from blendcap.io.turns import COLUMNS, read_turns
 from blendcap.io.units import is_unit
 from blendcap.io.video import read_video
 
@@ -60,7 +61,7 @@ def describe(
 ) -> dict[str, Any]:
     """What a file holds, ready for JSON.
 
-    `kind` is rig, mesh, markers, animation, video, cameras, points, places or model.
+    `kind` is rig, mesh, markers, animation, video, cameras, points, places, turns or model.
 
     Parameters
     ----------
@@ -91,6 +92,8 @@ def _facts(path: str | os.PathLike, unit: str | None, of_take: Callable[[MarkerT
         return model
     if kind in formats.MARKERS and (kind != ".csv" or _holds_markers(path)):
         return _take(path, unit, of_take)
+    if kind == ".csv" and _holds_turns(path):
+        return _turns(path)
     record = read_any(path, unit)
     if isinstance(record, Rig):
         return {"kind": "rig", "name": record.name, "shapes": list(record.names), "points": {k: len(v.names) for k, v in
@@ -109,6 +112,19 @@ def _holds_markers(path: str | os.PathLike) -> bool:
     with reading(path, "CSV file"):
         table = read_table(path)
         return not is_live_link(table) and is_marker_table(table)
+
+
+def _holds_turns(path: str | os.PathLike) -> bool:
+    with reading(path, "CSV file"):
+        return set(COLUMNS) <= set(read_table(path).header)
+
+
+def _turns(path: str | os.PathLike) -> dict[str, Any]:
+    """What a performer shows in a lesson: how often each unit, and until when."""
+    turns = read_turns(path)
+    units = [unit for _, _, unit in turns]
+    return {"kind": "turns", "showings": len(turns), "seconds": max(end for _, end, _ in turns),
+            "units": {unit: units.count(unit) for unit in dict.fromkeys(units)}}  # fmt: skip
 
 
 def _take(path: str | os.PathLike, unit: str | None, of_take: Callable[[MarkerTake], dict]) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from blendcap.data import InputError
 from blendcap.io.opening import reading
 from blendcap.io.tables import read_table
 
+COLUMNS = ("start", "end", "unit")
 Turn = tuple[float, float, str]
 
 
@@ -17,7 +18,7 @@ def read_turns(path: str | os.PathLike) -> list[Turn]:
     """The showings (start, end, unit), seconds, in the order of the file; other columns are for people."""
     with reading(path, "CSV file"):
         table = read_table(path)
-        lacking = [name for name in ("start", "end", "unit") if name not in table.header]
+        lacking = [name for name in COLUMNS if name not in table.header]
         if lacking:
             raise InputError(f"{path} has no column {lacking[0]!r}; the header is start,end,unit (seconds).")
         column = table.header.index("unit")
