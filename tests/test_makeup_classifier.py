@@ -232,6 +232,16 @@ def test_weights_of_a_lesson_may_be_spelled_otherwise(lesson):
     assert np.isnan(known.intensity({"browDownLeft": 1.0, "browDownRight": 1.0})).all()
 
 
+@pytest.mark.parametrize("method", ["intensity", "svm"])
+def test_copies_of_a_showing_that_is_left_out_are_left_out_too(method):
+    """Labels by chance cannot be told from features that are other chance, however exactly the copies repeat both."""
+    rng = np.random.default_rng(0)
+    on = rng.random(80) < 0.5
+    data = training._Data(rng.normal(size=(80, 200)), on[:, None] * 1.0, np.where(on, 3, 0), np.repeat(range(4), 20))
+    told, _ = training._left_out(data, [replace(data), replace(data)], method, 0)
+    assert abs(np.corrcoef(told[:, 0], on)[0, 1]) < 0.4
+
+
 def test_of_long_lessons_copies_take_every_so_many_frames(lesson, monkeypatch):
     patches, shown, _ = lesson
     frames = len(patches.sure)

@@ -96,13 +96,13 @@ def test_an_answer_tells_what_it_did_to_every_marker(typical, solved):
 
 def in_other_weights(rig, scale):
     """The same rig with weights that are so many times as large (N,)."""
-    return replace(rig, deltas=rig.deltas / scale[:, None, None], bounds=rig.bounds * scale[:, None])
+    return replace(rig, deltas=rig.deltas / scale[:, None, None], bounds=np.sort(rig.bounds * scale[:, None]))
 
 
 @pytest.mark.parametrize("method", METHODS)
 def test_the_unit_of_the_weights_does_not_matter(typical, solved, method):
-    """Sliders to 100, to 2, to 0.5: the weights are as many times as large, and nothing else is different."""
-    scale = np.resize([100.0, 2.0, 0.5, 1.0], len(SHAPES))
+    """Sliders to 100, to 2, to -0.5: the weights are as many times as large, and nothing else is different."""
+    scale = np.resize([100.0, 2.0, -0.5, 1.0], len(SHAPES))
     other = blendcap.solve(
         in_other_weights(typical.rig, scale), typical.take, typical.binding, settings=SolveSettings(method=method)
     )
@@ -113,13 +113,14 @@ def test_the_unit_of_the_weights_does_not_matter(typical, solved, method):
 
 
 @pytest.mark.parametrize(
-    ("bounds", "full"), [((0, 1), 1), ((-1, 1), 1), ((-50, 100), 100), ((0, 0.5), 0.5), ((-2, 0), 2), ((0, 0), 1)]
+    ("bounds", "full"),
+    [((0, 1), 1), ((-1, 1), 1), ((-50, 100), 100), ((0, 0.5), 0.5), ((-2, 0), -2), ((-2, -1), -2), ((0, 0), 1)],
 )
 def test_a_full_shape_is_one_at_its_bound(bounds, full):
     rig = replace(sheet_rig(), bounds=np.tile(np.array(bounds, float), (len(sheet_rig().names), 1)))
     assert (full_weights(rig) == full).all()
     np.testing.assert_allclose(in_shares(rig).deltas, full * rig.deltas)
-    np.testing.assert_allclose(in_shares(rig).bounds, rig.bounds / full)
+    np.testing.assert_allclose(in_shares(rig).bounds, np.sort(rig.bounds / full))
     assert (in_shares(rig) is rig) == (full == 1)
 
 

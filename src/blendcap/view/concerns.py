@@ -8,7 +8,7 @@ from scipy.ndimage import uniform_filter1d
 from blendcap.data import Binding, Rig, Solution
 from blendcap.data.names import canonical, listed
 from blendcap.numerics.stretches import stretches
-from blendcap.solving.shares import full_weights
+from blendcap.solving.shares import full_weights, in_shares
 from blendcap.view.parted_lips import parted_lips
 from blendcap.view.plots import marker_errors
 from blendcap.view.posing import weights_on
@@ -173,7 +173,7 @@ def _conflicts(rig: Rig, solution: Solution) -> list[str]:
     """Pairs of shapes that undo each other and are on together."""
     weights = weights_on(rig, solution.animation) / full_weights(rig)
     used = np.flatnonzero((weights > TOGETHER).any(0))
-    motion = rig.deltas.reshape(len(rig.names), -1)[used]
+    motion = in_shares(rig).deltas.reshape(len(rig.names), -1)[used]
     length = np.sqrt(np.einsum("nv,nv->n", motion, motion, dtype=np.float64))
     cosine = (motion @ motion.T) / np.maximum(np.outer(length, length), 1e-12)
     said = []
