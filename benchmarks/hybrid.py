@@ -125,9 +125,10 @@ Vertex RMSE in mm by region. The classifier was trained on the teacher, the firs
 counted where the true gap is plainly below (25 %) or above (45 %), and in brackets everywhere. "blinks": the same by
 closings, from the first such frame to the last, each eye its own, and how many there are; a closing is told if any of
 its frames is, two early or late at most. "truth": the performer's own weights in place of the curves, of the shapes
-that the curves tell: no classifier can do better. "truth, all shapes": of every shape, of which no classifier knows
-more than a part: nobody can do better. "true weights, unsolved": the performer's weights on the solver's shapes: what
-is left is the performer's own way.
+that the curves tell: no classifier can tell these weights better. "truth, all shapes": of every shape, of which no
+classifier knows more than a part. "true weights, unsolved": the performer's weights on the solver's shapes: what is
+left is the performer's own way. None of the three is a floor of the error: a performer whose shapes differ from the
+solver's is met better by other weights than the true ones.
 "roughness": mean squared second difference of the answer to that of the truth, of all shapes but those of the eyes,
 which lie still where nothing sees them, and of all.
 
@@ -138,7 +139,7 @@ GAINS_TEXT = """
 
 What the patches change: vertex RMSE of the hybrid solve against the markers alone, the mean over performers. The bar is
 -35% in brows, glabella, lids and lips and +3% elsewhere; "true weights as curves" is what a perfect classifier reaches.
-Where even the true weights of all shapes do not reach it, the markers alone had left nothing to be had.
+Where even the true weights of all shapes do not reach it, no telling of weights as the performer acts them does.
 
 | face | take | | brows | glabella | lids | lips | elsewhere |
 |---|---|---|---|---|---|---|---|
