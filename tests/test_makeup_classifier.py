@@ -242,6 +242,18 @@ def test_copies_of_a_showing_that_is_left_out_are_left_out_too(method):
     assert abs(np.corrcoef(told[:, 0], on)[0, 1]) < 0.4
 
 
+def test_patches_that_no_region_looks_at_are_not_asked_for(lesson):
+    patches, shown, _ = lesson
+    more = replace(
+        patches,
+        images={**patches.images, "chin": patches.images["forehead"]},
+        neutral={**patches.neutral, "chin": patches.neutral["forehead"]},
+    )
+    classifier = train_classifier(more, shown, regions=[REGION])
+    assert set(classifier.neutral) == set(REGION.patches)
+    np.testing.assert_array_equal(classifier(patches)[0], classifier(more)[0])
+
+
 def test_of_long_lessons_copies_take_every_so_many_frames(lesson, monkeypatch):
     patches, shown, _ = lesson
     frames = len(patches.sure)

@@ -41,7 +41,7 @@ def train(
     table: Path | None = None,
     method: Literal["intensity", "svm"] = "intensity",
     features: str | None = None,
-    warps: int | None = None,
+    warps: int = 0,
     seed: int = 0,
     as_json: AsJson = False,
 ) -> None:
@@ -68,7 +68,7 @@ def train(
     features
         What the machine sees of a patch: gabor, hog, edges or motion, or several joined by +. By region if not given.
     warps
-        Randomly warped copies of the training pictures that are added. If not given, 3 for intensities, else none.
+        Randomly warped copies of the training pictures that are added.
     seed
         Of clusters and warps.
     as_json

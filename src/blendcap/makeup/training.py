@@ -20,10 +20,7 @@ from blendcap.makeup.units import ARKIT_TABLE, PAPER_REGIONS, REGIONS, Region, h
 
 VARIANCE = {"svm": 0.9, "intensity": 0.99}  # of the features, that the principal components keep
 MOST_FRAMES = 800  # from which principal components are taken, about
-# Randomly warped copies of the lessons, and frames of a copy, about. On another day and another face, on which paint
-# lies a little elsewhere, three copies tell brows nearer to their full intensity and more shut eyes (tuning takes).
-WARPS = {"svm": 0, "intensity": 3}
-COPY = 1500
+COPY = 1500  # frames of a warped copy, about
 RIDGE = 3.0  # in the variance of all features together: from 1 to 10 it hardly matters
 COST = 0.1  # C of the support vector machine
 NEAR = 0.25  # an intensity that errs by less is right
@@ -42,7 +39,7 @@ def train_classifier(
     kind: str | None = None,
     relative: bool = True,
     table: Mapping[str, Mapping[str, float]] = ARKIT_TABLE,
-    warps: int | None = None,
+    warps: int = 0,
     seed: int = 0,
 ) -> PatchClassifier:
     """Train on the patches of one performer.
@@ -65,9 +62,10 @@ def train_classifier(
         Take the neutral frame's features off.
     table : {unit: {shape: weight at full intensity}}
         Reads intensities off the weights of lessons that have such.
-    warps : int, optional
-        Randomly warped copies of the training frames that are added, as the papers propose (9, Discussion); 3 for
-        intensities and none for classes if not given. Of long lessons a copy takes every so many frames.
+    warps : int
+        Randomly warped copies of the training frames that are added, as the papers propose (9, Discussion). Intensities
+        are told larger with them, and more often where there is nothing. Of long lessons a copy takes every so many
+        frames.
     seed : int
 
     Raises
@@ -78,7 +76,6 @@ def train_classifier(
     """
     if method not in METHODS:
         raise InputError(f"The method {method!r} is unknown; choose one of {', '.join(METHODS)}.")
-    warps = WARPS[method] if warps is None else warps
     takes = _takes(patches, lesson)
     regions = regions or (REGIONS if method == "intensity" else PAPER_REGIONS)
     if kind is not None:
@@ -94,7 +91,9 @@ def train_classifier(
             labels = labeled(takes, region._replace(units=units), lambda t, u: counts(t, u, method), table, seed)
             models.append(_train_region(takes, labels, region._replace(units=units), method, relative, warps, seed))
             log.info("%s: %s", region.name, models[-1].scores)
-    return PatchClassifier(models, takes[0][0].neutral, method, relative)
+    used = {name for model in models for name in model.region.patches}
+    neutral = {name: picture for name, picture in takes[0][0].neutral.items() if name in used}
+    return PatchClassifier(models, neutral, method, relative)
 
 
 def counts(turn: str, unit: str, method: str) -> bool:

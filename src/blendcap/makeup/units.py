@@ -23,7 +23,7 @@ REGIONS: tuple[Region, ...] = (
         "brows", ("forehead_right", "forehead_left", "glabella"), ("AU1", "AU2L", "AU2R", "AU4L", "AU4R"),
         "motion", aligned=False,
     ),
-    Region("nose", ("glabella",), ("AU9L", "AU9R"), aligned=False),
+    Region("nose", ("glabella", "mouth_right", "mouth_left"), ("AU9L", "AU9R")),  # the upper lip rises, too
     Region(
         "eyes", ("eye_right", "eye_left"),
         ("AU5L", "AU5R", "AU6L", "AU6R", "AU7L", "AU7R", "AU45L", "AU45R", "AU63L", "AU63R", "AU64L", "AU64R"),
@@ -39,7 +39,7 @@ REGIONS: tuple[Region, ...] = (
 # pucker, 10 + 12 + 18 + 23 on one side.
 PAPER_REGIONS: tuple[Region, ...] = (
     Region("brows", REGIONS[0].patches, ("AU1+2", "AU4")),
-    Region("nose", REGIONS[1].patches, ("AU9",)),
+    Region("nose", ("glabella",), ("AU9",)),
     Region("eyes", REGIONS[2].patches, ("AU7", "AU45", "AU6+43")),
     Region("mouth", REGIONS[3].patches, ("AU10+12+18+23L", "AU10+12+18+23R")),
 )
