@@ -15,6 +15,7 @@ from blendcap.rendering import project
 
 FACING = 0.35  # cosine between skin and camera from which on a dot is round enough to follow
 BEFORE = 2.0  # mm by which something before a marker hides it
+STILL = 2.0  # mm by which a shape of the rig moves a marker that is still
 BORDER = 12  # pixels between a dot that is followed and the border of the picture
 LEAST_FACE, FACE = 0.08, 0.25  # of the picture's height: no face is seen that is smaller; one before a head camera is
 UNITS = {10.0: "cm", 25.4: "in", 1000.0: "m", 0.1: "mm", 1 / 25.4: "mm", 0.001: "mm"}  # what lengths are, by factor
@@ -54,8 +55,8 @@ def locate(
     sizes : sequence of (width, height)
         Pixels.
     stable : sequence of str, optional
-        Markers that do not move with the face. If not given, of those that a camera sees the third that the rig's
-        shapes move least, 3 at least.
+        Markers that do not move with the face. If not given, of those that a camera sees all that no shape of the rig
+        moves by 2 mm, and the two that move least in any case.
 
     Raises
     ------
@@ -95,7 +96,7 @@ def _anchors(rig: Rig, binding: Binding, cameras, sizes, stable: Sequence[str]) 
         rows = [names.index(name) for name in stable if seen[names.index(name)]]
         if not stable:
             quiet = np.flatnonzero(seen)[np.argsort(motion[seen], kind="stable")]
-            rows = quiet[: max(len(quiet) // 3, 3)]
+            rows = quiet[: max(np.count_nonzero(motion[quiet] < STILL), 2)]
         anchors.append(pixels[rows])
     return anchors
 
