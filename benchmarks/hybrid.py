@@ -123,8 +123,8 @@ In the lessons, and only there, markers lie on lids and paint too: their solve g
 Vertex RMSE in mm by region. The classifier was trained on the teacher, the first of each face.
 "closed": precision and recall of frames in which a lid's gap is below 35 % of the way from the rig's own blink to rest,
 counted where the true gap is plainly below (25 %) or above (45 %), and in brackets everywhere. "blinks": the same by
-closings, from the first such frame to the last, each eye its own, and how many there are; a closing is told if any of
-its frames is, two early or late at most. "truth": the performer's own weights in place of the curves, of the shapes
+closings, from the first such frame to the last, each eye its own, and how many there are; one that is told stands
+for one, two frames early or late at most. "truth": the performer's own weights in place of the curves, of the shapes
 that the curves tell: no classifier can tell these weights better. "truth, all shapes": of every shape, of which no
 classifier knows more than a part. "true weights, unsolved": the performer's weights on the solver's shapes: what is
 left is the performer's own way. None of the three is a floor of the error: a performer whose shapes differ from the

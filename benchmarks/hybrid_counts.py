@@ -37,21 +37,33 @@ def shut(said: np.ndarray, true: np.ndarray) -> str:
 def blinks(said: np.ndarray, true: np.ndarray) -> str:
     """Precision and recall of closings, from gaps (T, 2) of either eye, told two frames early or late at most.
 
-    A closing is a run of frames below `CLOSED`; one that is told is wrong if the eye is plainly open all the while,
-    and one that never is plainly shut need not be told.
+    A closing is a run of frames below `CLOSED`, and one that is told stands for one true closing at most. The truth's
+    must reach `SHUT`; what is told where the truth is neither that nor plainly open is not counted.
     """
-    told, found = [], []
+    right = told = asked = 0
     for ours, theirs in zip(said.T, true.T, strict=True):
-        told += list(_met(ours < CLOSED, near(theirs < OPEN, LATE)))
-        asked = _met(theirs < CLOSED, theirs < SHUT)
-        found += list(_met(theirs < CLOSED, near(ours < CLOSED, LATE))[asked])
-    return f"{sum(told) / max(len(told), 1):.2f}, {sum(found) / max(len(found), 1):.2f} ({len(found)})"
+        free = [run for run in _runs(theirs < CLOSED) if (theirs[run] < SHUT).any()]
+        asked += len(free)
+        doubtful = near(theirs < OPEN, LATE)
+        for run in _runs(ours < CLOSED):
+            reach = near(run, LATE)
+            met = next((k for k, other in enumerate(free) if (reach & other).any()), None)
+            if met is not None:
+                free.pop(met)
+                right += 1
+            told += met is not None or not (run & doubtful).any() or _shut_before(run, theirs)
+    return f"{right / max(told, 1):.2f}, {right / max(asked, 1):.2f} ({asked})"
 
 
-def _met(flags: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """Whether each run of flags (T,) has a frame in which the others (T,) are up, too."""
-    runs, count = label(flags)  # pyright: ignore[reportGeneralTypeIssues]
-    return np.array([(others & (runs == k)).any() for k in range(1, count + 1)], dtype=bool)
+def _shut_before(run: np.ndarray, theirs: np.ndarray) -> bool:
+    """Whether a told run meets a true closing, which then was told before: one blink told twice."""
+    return any((near(run, LATE) & other).any() for other in _runs(theirs < CLOSED) if (theirs[other] < SHUT).any())
+
+
+def _runs(flags: np.ndarray) -> list[np.ndarray]:
+    """Each run of flags (T,) as flags of its own."""
+    places, count = label(flags)  # pyright: ignore[reportGeneralTypeIssues]
+    return [places == k for k in range(1, count + 1)]
 
 
 def near(flags: np.ndarray, frames: int) -> np.ndarray:

@@ -31,10 +31,19 @@ def test_closings_are_counted_whole(counts):
     true = np.ones((40, 2))
     true[5:9], true[20:30, 0], true[36:] = 0.1, 0.2, 0.3  # three: both eyes blink, the right one winks; then a doubt
     said = np.ones_like(true)
-    said[10:12, 0], said[8:20, 1], said[32:34, 1], said[37] = 0.1, 0.1, 0.1, 0.1
+    said[10:12, 0], said[8:18, 1], said[32:34, 1], said[37] = 0.1, 0.1, 0.1, 0.1
     assert counts.blinks(true, true) == "1.00, 1.00 (3)"
-    assert counts.blinks(said, true) == "0.80, 0.67 (3)"  # told once where nothing was, and the wink is not told
+    assert counts.blinks(said, true) == "0.67, 0.67 (3)"  # told once where nothing was, and the wink is not told
     assert counts.blinks(np.ones_like(true), true) == "0.00, 0.00 (3)"
+
+
+def test_a_closing_stands_for_one_closing(counts):
+    true = np.ones((60, 2))
+    true[5:9], true[20:24], true[40:44] = 0.1, 0.1, 0.1
+    assert counts.blinks(np.zeros_like(true), true) == "1.00, 0.33 (6)"  # always shut
+    split = true.copy()
+    split[22] = 1.0
+    assert counts.blinks(split, true) == "0.75, 1.00 (6)"  # two told in one
 
 
 def test_shut_lids_are_judged_where_the_truth_is_plain(counts):
