@@ -744,3 +744,10 @@ def test_rig_convert_keeps_what_live_link_face_can_hold(folder, rig, capsys):
     np.testing.assert_array_equal(few.deltas, rig.deltas[[0, 1, 2]])
     assert main(["rig", "convert", "rig.glb", "none.npz", "--shapes", "arkit"]) == 1
     assert "has none of the 52 shapes of ARKit, but bumpLeft, bumpRight, lift; keep all" in capsys.readouterr().err
+
+
+def test_the_longest_gap_is_a_choice():
+    from blendcap.cli.solve import Choices
+
+    assert Choices().settings() == blendcap.SolveSettings()
+    assert Choices(longest_gap=2.0).settings() == blendcap.SolveSettings(longest_gap=2.0)

@@ -76,6 +76,9 @@ class Choices:
     """Large motion of the head. auto: removed if there is any. remove: always. keep: never, as from a helmet camera."""
     stable: Annotated[tuple[str, ...], Parameter(negative=(), show_default=False)] = ()
     """A marker that moves with the skull, by name; repeat it for at least three. Found from the take if not given."""
+    longest_gap: float = 0.1
+    """Seconds: gaps up to this long are bridged, and what other software filled is kept where it is no longer; longer
+    stretches count as missing."""
 
     def settings(self) -> SolveSettings:
         """As the library takes them; a choice of another method is refused by the name of its option."""
