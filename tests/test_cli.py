@@ -664,7 +664,7 @@ def test_what_nobody_foresaw_is_still_one_sentence(folder, capsys, monkeypatch):
 
 
 def test_an_interrupt_is_clean(folder, capsys, monkeypatch):
-    def interrupted(path, unit):
+    def interrupted(path, *args, **options):
         raise KeyboardInterrupt
 
     monkeypatch.setattr("blendcap.io.describe", interrupted)
