@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.ndimage import label, maximum_filter1d
+from scipy.ndimage import maximum_filter1d
 
 from blendcap import Animation, Rig
 from blendcap.data.names import match
+from blendcap.numerics.stretches import stretches
 
 CLOSED = 0.35  # of the way from a blink to rest: a smaller gap between the lids is told as shut
 SHUT, OPEN = 0.25, 0.45  # the same of the truth, plainly: in between nobody could say
@@ -62,8 +63,8 @@ def _shut_before(run: np.ndarray, theirs: np.ndarray) -> bool:
 
 def _runs(flags: np.ndarray) -> list[np.ndarray]:
     """Each run of flags (T,) as flags of its own."""
-    places, count = label(flags)  # pyright: ignore[reportGeneralTypeIssues]
-    return [places == k for k in range(1, count + 1)]
+    frames = np.arange(len(flags))
+    return [(first <= frames) & (frames <= last) for first, last in stretches(flags)]
 
 
 def near(flags: np.ndarray, frames: int) -> np.ndarray:

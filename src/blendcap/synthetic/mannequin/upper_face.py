@@ -52,7 +52,7 @@ def nose_sneer(face: Face) -> np.ndarray:
     """
     lip = contract(face, {"levator_labii_medial": 0.045, "levator_alaeque_nasi": 0.1, "nasalis_transverse": 0.1})
     root = contract(face, {"procerus": 0.13, "depressor_supercilii": 0.1})
-    # The tip keeps still: it is where heads are held by, and moving it by 1 mm cost the head's motion a third.
+    # The tip keeps still: a marker on it is one of those that the head's motion is told by.
     bridge = push(face.weights({"N2": 1, "N3": 0.6, "K1": 0.4}), (0, 1.1, 0.2))
     return face.sealed(lip + root + bridge + push(face.weights({"fold.3": 1, "K2": 0.6}), (0.2, 1.4, -0.9)))
 
