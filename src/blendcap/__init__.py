@@ -17,6 +17,7 @@ _HOMES = {
     "Rig": "data",
     "MarkerTake": "data",
     "LandmarkTake": "data",
+    "PaintTracks": "data",
     "Animation": "data",
     "Camera": "data",
     "Binding": "data",
@@ -49,6 +50,7 @@ _HOMES = {
     "solve_box": "numerics.boxls",
     "train_classifier": "makeup.training",
     "classify": "makeup.curves",
+    "track_paint": "makeup.tracking",
     # judging
     "evaluate": "metrics",
 }
@@ -64,6 +66,7 @@ if TYPE_CHECKING:
     from blendcap.data import LandmarkTake as LandmarkTake
     from blendcap.data import MarkerTake as MarkerTake
     from blendcap.data import Mesh as Mesh
+    from blendcap.data import PaintTracks as PaintTracks
     from blendcap.data import Rig as Rig
     from blendcap.data import Solution as Solution
     from blendcap.data import SurfacePoints as SurfacePoints
@@ -77,6 +80,7 @@ if TYPE_CHECKING:
     from blendcap.io import write_mesh as write_mesh
     from blendcap.io import write_rig as write_rig
     from blendcap.makeup.curves import classify as classify
+    from blendcap.makeup.tracking import track_paint as track_paint
     from blendcap.makeup.training import train_classifier as train_classifier
     from blendcap.markers.binding import bind as bind
     from blendcap.markers.solve import solve as solve

@@ -1,4 +1,4 @@
-"""blendcap facs train VIDEO... and facs predict VIDEO...: action units from makeup patches in head-camera video."""
+"""blendcap facs train, predict and track VIDEO...: what makeup patches in head-camera video tell."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from cyclopts import App, Parameter
 import blendcap
 from blendcap.cli.answers import AsJson, print_json, print_lines
 from blendcap.cli.facs_inputs import Footage, blocks, by_take, stage, table_of
+from blendcap.cli.facs_track import track
 from blendcap.cli.outputs import PICTURES, check_outputs
 from blendcap.cli.progress import Progress
 
@@ -24,7 +25,8 @@ if TYPE_CHECKING:
 
 MODELS, CURVES, VIDEOS = (".npz",), (".csv", ".npz"), (".mp4",)
 
-facs = App(name="facs", help="Action units from makeup patches in head-camera video.")
+facs = App(name="facs", help="Action units from makeup patches in head-camera video, and paint that is followed.")
+facs.command(track)
 Many = Annotated[tuple[Path, ...], Parameter(negative=(), show_default=False)]
 
 
@@ -124,7 +126,8 @@ def _lesson(
     with progress.step("read", f"Read {take}"):
         spans = read_turns(turns)
         solved = None if weights is None else read_animation(weights)
-        films, setup = stage(videos, take, footage)
+        staged = stage(videos, take, footage)
+        films, setup = staged.films, staged.setup(footage.stable)
         lesson = Lesson.of_spans(spans, films[0].count, films[0].rate, solved)  # refused before the long work
     return collect(blocks(films, setup, footage.threshold, progress)), lesson
 
@@ -180,8 +183,8 @@ def predict(
     with progress.step("read", "Read the model, the rig and the take"):
         classifier = unpack(*read_model(model, KIND, VERSION))
         shapes = table_of(table)
-        films, setup = stage(videos, take, footage)
-        setup = setup.only(classifier.neutral)
+        staged = stage(videos, take, footage)
+        films, setup = staged.films, staged.setup(footage.stable).only(classifier.neutral)
     cut = blocks(films, setup, footage.threshold, progress)
     curves = blendcap.classify(classifier, cut, table=shapes, everywhere=everywhere, full_blinks=full_blinks)
     with progress.step("write", f"Write {output}"):

@@ -1,11 +1,11 @@
-"""What `facs train` and `facs predict` read: videos, takes, cameras and tables, held against each other."""
+"""What the `facs` commands read: videos, takes, cameras and tables, held against each other."""
 
 from __future__ import annotations
 
 import logging
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 from cyclopts import Parameter
 
@@ -15,6 +15,9 @@ from blendcap.cli.progress import Progress
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
+    import numpy as np
+
+    from blendcap.data import Binding, Camera, MarkerTake, Rig
     from blendcap.io.cameras import Cameras
     from blendcap.io.video import Video
     from blendcap.makeup.patches import Patches
@@ -28,8 +31,8 @@ log = logging.getLogger(__name__)
 
 @Parameter(name="*")
 @dataclass(frozen=True)
-class Footage:
-    """Where the patches are in the pictures."""
+class Filmed:
+    """What the cameras look at."""
 
     cameras: Path
     """A .json of the calibrated cameras, in the space of the takes."""
@@ -37,6 +40,13 @@ class Footage:
     """A rig with the 68 landmarks; the markers lay it over the face."""
     correspondences: Path | None = None
     """A .json that says where each marker sits; found if not given."""
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Footage(Filmed):
+    """Where the patches are in the pictures."""
+
     stable: Annotated[tuple[str, ...], Parameter(negative=(), show_default=False)] = ()
     """A marker that does not move with the face, by name; repeat it for at least three. Found if not given."""
     threshold: float | None = None
@@ -57,20 +67,38 @@ def by_take(
     return list(zip(films, takes, turns, weights or [None] * len(takes), strict=True))
 
 
-def stage(videos: Sequence[Path], take: Path, footage: Footage) -> tuple[list[Video], Setup]:
-    """The videos, checked against cameras and take, and where things are in them."""
+class Stage(NamedTuple):
+    """What the files of a filmed take hold, checked against each other."""
+
+    films: list[Video]
+    cameras: list[Camera]
+    rig: Rig
+    take: MarkerTake
+    binding: Binding
+
+    def setup(self, stable: Sequence[str]) -> Setup:
+        """Where patches, dots and still points are."""
+        from blendcap.makeup.setup import locate
+
+        sizes = [film.size for film in self.films]
+        return locate(self.rig, self.take, self.binding, self.cameras, sizes, stable)
+
+    def pictures(self) -> list[Iterator[np.ndarray]]:
+        """The frames (H, W) uint8 of each camera, from the first."""
+        return [film.frames(grey=True) for film in self.films]
+
+
+def stage(videos: Sequence[Path], take: Path, footage: Filmed) -> Stage:
+    """Read the videos, cameras, rig and markers of a take."""
     from blendcap.io import read_correspondences, read_markers, read_rig, read_video
     from blendcap.io.cameras import read_cameras
-    from blendcap.makeup.setup import locate
 
     known, the_rig, the_take = read_cameras(footage.cameras), read_rig(footage.rig), read_markers(take)
     films = [read_video(video) for video in videos]
     _check_films(films, known, len(the_take.positions), the_take.rate)
     places = None if footage.correspondences is None else read_correspondences(footage.correspondences)
     binding = blendcap.bind(the_rig, the_take, places)
-    lenses, sizes = zip(*known.values(), strict=True)
-    setup = locate(the_rig, the_take, binding, lenses, sizes, footage.stable)
-    return films, setup
+    return Stage(films, [camera for camera, _ in known.values()], the_rig, the_take, binding)
 
 
 def _check_films(films: list[Video], cameras: Cameras, frames: int, rate: float) -> None:

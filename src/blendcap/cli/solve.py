@@ -35,9 +35,10 @@ class Outputs:
     """The animation to write: .csv, .livelink.csv, .glb or .npz; repeat -o for several."""
     preview: Path | None = None
     """A .mp4 or .gif of the answer with the markers on it, in real time; above 30 frames a second some are left out.
-    With --patches the markers alone beside it."""
+    With --patches or --tracks the markers alone beside it."""
     report: Path | None = None
-    """A self-contained .html page: figures, plots, warnings; with --patches what they changed."""
+    """A self-contained .html page: figures, plots, warnings; with --patches or --tracks what these
+    changed."""
     picture: Path | None = None
     """A .png of the markers on the rig, with their names, to check the binding."""
     write_places: Path | None = None
@@ -105,6 +106,7 @@ def solve(
     correspondences: Path | None = None,
     patches: Path | None = None,
     patches_offset: float | None = None,
+    tracks: Path | None = None,
     unit: Literal["mm", "cm", "dm", "m", "in", "ft"] | None = None,
     choices: Choices = Choices(),
     as_json: AsJson = False,
@@ -126,15 +128,17 @@ def solve(
         A .csv of curves by shape names that makeup patches tell, from `blendcap facs predict`: the hybrid solve.
     patches_offset
         Seconds by which the video of the patches begins after the take; needed only if they differ in length.
+    tracks
+        A .npz of paint that was followed between the markers, from `blendcap facs track`.
     unit
         The unit of the take, in place of the one that the file states.
     as_json
         Print the answer as JSON.
     """
-    from blendcap.io import read_animation, read_correspondences, read_markers, read_rig
+    from blendcap.io import read_animation, read_correspondences, read_markers, read_rig, read_tracks
     from blendcap.view.concerns import concerns
 
-    outputs.check((take, rig, rom, correspondences, patches))
+    outputs.check((take, rig, rom, correspondences, patches, tracks))
     if patches is None and patches_offset is not None:
         raise blendcap.InputError(
             "--patches-offset says when the curves of --patches begin; give these, or leave it out."
@@ -146,11 +150,12 @@ def solve(
         motion = None if rom is None else read_markers(rom, unit=unit)
         places = None if correspondences is None else read_correspondences(correspondences)
         curves = None if patches is None else read_animation(patches)
+        followed = None if tracks is None else read_tracks(tracks)
     check_inputs(take, the_take, the_rig, places, settings)
-    hybrid = {"patches": curves, "patches_offset": patches_offset}
+    hybrid = {"patches": curves, "patches_offset": patches_offset, "tracks": followed}
     binding, solution = bind_and_solve(the_rig, the_take, places, motion, settings, progress, **hybrid)
     beside = None
-    if curves is not None and (outputs.preview or outputs.report):
+    if (curves is not None or followed is not None) and (outputs.preview or outputs.report):
         with progress.step("alone", "Solve the markers alone, to compare") as tell, _unwarned():
             beside = blendcap.solve(the_rig, the_take, binding, settings=settings, progress=tell)
     told = _shifted(curves, patches_offset)
@@ -171,7 +176,7 @@ def _say(facts: dict[str, Any], doubts: list[str], files: list[Path], as_json: b
 
 @contextmanager
 def _unwarned() -> Iterator[None]:
-    """What the markers alone cannot tell is what the patches are for: no reason to warn of it."""
+    """What the markers alone cannot tell is what the paint is for: no reason to warn of it."""
     logger = logging.getLogger("blendcap.markers.solve")
     level = logger.level
     logger.setLevel(logging.ERROR)
@@ -189,7 +194,7 @@ def _shifted(curves: Animation | None, offset: float | None) -> Animation | None
 def bind_and_solve(
     rig: Rig, take: MarkerTake, places, motion: MarkerTake | None, settings, progress: Progress, **hybrid
 ):
-    """The binding and the solution of a take; `hybrid` is what `solve` takes of makeup patches."""
+    """The binding and the solution of a take; `hybrid` is what `solve` takes of the paint."""
     with progress.step("bind", "Place the markers on the rig") as tell:
         binding = blendcap.bind(rig, take, places, motion, progress=tell)
     with progress.step("solve", f"Solve {len(take.positions):,} frames") as tell:
@@ -207,7 +212,7 @@ def write_answers(
     alone: Solution | None = None,
     patches: Animation | None = None,
 ) -> list[Path]:
-    """Write what was asked for; returns the files. `alone` is the solve without the patches, to be shown beside."""
+    """Write what was asked for; returns the files. `alone` is the solve without the paint, to be shown beside."""
     from blendcap import view
     from blendcap.io import write_animation, write_correspondences
 
@@ -253,6 +258,8 @@ def _write_preview(path: Path, rig: Rig, solution: Solution, alone: Solution | N
 
 def summary(take: MarkerTake, solution: Solution, progress: Progress) -> dict[str, Any]:
     """The facts of a solve, as `solve --json` prints them."""
+    import numpy as np
+
     return {
         "frames": len(take.positions),
         "rate": take.rate,
@@ -260,6 +267,7 @@ def summary(take: MarkerTake, solution: Solution, progress: Progress) -> dict[st
         "left_out": [name for name in take.names if name not in solution.marker_names],
         "rms_mm": solution.rms_mm,
         "rms_mm_per_marker": dict(zip(solution.marker_names, solution.marker_rms.tolist(), strict=True)),
+        **({} if solution.track_rms is None else {"track_rms_mm": float(np.sqrt(np.nanmean(solution.track_rms**2)))}),
         "max_kkt": solution.certificate.max_kkt,
         "converged": solution.certificate.converged,
         "unseen": list(solution.unseen),

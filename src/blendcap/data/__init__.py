@@ -10,6 +10,7 @@ from blendcap.data.rig import Rig, landmarks68
 from blendcap.data.solution import Certificate, Solution
 from blendcap.data.surface import SurfacePoints
 from blendcap.data.takes import LandmarkTake, MarkerTake
+from blendcap.data.tracks import PaintTracks
 
 __all__ = [
     "Animation",
@@ -21,6 +22,7 @@ __all__ = [
     "LandmarkTake",
     "MarkerTake",
     "Mesh",
+    "PaintTracks",
     "Rig",
     "Solution",
     "SurfacePoints",

@@ -63,6 +63,9 @@ class Solution:
     conflict : (T, N) float64, optional
         How far each weight is from what the curves of the makeup patches say, by their confidence, where 1 is all of a
         shape.
+    track_rms : (T,) float64, optional
+        Root of the mean squared distance of the tracks from where the answer puts them, across their lines of sight and
+        as surely as it is told, mm; NaN in a frame in which all were lost.
     settings : {str: str}
         What was asked for and what was learned, to be written beside the answer.
     seconds : {step: float}
@@ -81,6 +84,7 @@ class Solution:
     targets: np.ndarray | None = None
     fitted: np.ndarray | None = None
     conflict: np.ndarray | None = None
+    track_rms: np.ndarray | None = None
     settings: Mapping[str, str] = field(default_factory=dict)
     seconds: Mapping[str, float] = field(default_factory=dict)
 

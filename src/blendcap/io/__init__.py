@@ -16,6 +16,7 @@ from blendcap.io.formats import (
 from blendcap.io.images import write_image
 from blendcap.io.landmark_training import read_annotated, read_landmark_model, write_landmark_model
 from blendcap.io.points_json import read_points, write_points
+from blendcap.io.tracks_npz import read_tracks, write_tracks
 from blendcap.io.video import Video, read_video
 from blendcap.io.video_write import write_video
 
@@ -31,6 +32,7 @@ __all__ = [
     "read_mesh",
     "read_points",
     "read_rig",
+    "read_tracks",
     "read_video",
     "write_animation",
     "write_correspondences",
@@ -40,6 +42,7 @@ __all__ = [
     "write_mesh",
     "write_points",
     "write_rig",
+    "write_tracks",
     "write_video",
     "write_whole",
 ]

@@ -11,7 +11,7 @@ import numpy as np
 _TRANSLATION = 10.0  # mm, Eq. 34
 
 
-def paper_columns(positions: np.ndarray) -> np.ndarray:
+def paper_columns(positions: np.ndarray, center: np.ndarray | None = None) -> np.ndarray:
     """The thesis' twelve dummy shapes, each with a weight of 0 to 1 (section 4.1.6, Eqs. 34-37).
 
     Order: +x, -x, +y, -y, +z, -z by 10 mm, then the same for rotations. A rotation shape is what 90 degrees add to the
@@ -23,17 +23,21 @@ def paper_columns(positions: np.ndarray) -> np.ndarray:
     ----------
     positions : (M, 3) float64
         Neutral markers, mm.
+    center : (3,), optional
+        What is turned about, mm; `pivot` if not given.
 
     Returns
     -------
     (12, M, 3) float64
         Displacements at weight 1, mm.
     """
-    signed = rigid_columns(positions, translation=_TRANSLATION, rotation=1.0)
+    signed = rigid_columns(positions, translation=_TRANSLATION, rotation=1.0, center=center)
     return np.stack([signed, -signed], axis=1).reshape(12, -1, 3)
 
 
-def rigid_columns(positions: np.ndarray, translation: float = _TRANSLATION, rotation: float = 0.1) -> np.ndarray:
+def rigid_columns(
+    positions: np.ndarray, translation: float = _TRANSLATION, rotation: float = 0.1, center: np.ndarray | None = None
+) -> np.ndarray:
     """Six signed unknowns, each with a weight of -1 to 1: translations along and rotations about x, y and z.
 
     Half as many as the paper's, with no pair that can cancel itself out.
@@ -46,13 +50,15 @@ def rigid_columns(positions: np.ndarray, translation: float = _TRANSLATION, rota
         What weight 1 moves by, mm.
     rotation : float
         What weight 1 turns by, rad.
+    center : (3,), optional
+        What is turned about, mm; `pivot` if not given.
 
     Returns
     -------
     (6, M, 3) float64
         Displacements at weight 1, mm.
     """
-    arms = np.asarray(positions) - pivot(positions)
+    arms = np.asarray(positions) - (pivot(positions) if center is None else center)
     axes = np.eye(3)
     moves = np.broadcast_to(translation * axes[:, None], (3, *arms.shape))
     turns = rotation * np.cross(axes[:, None], arms[None])

@@ -5,16 +5,17 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from blendcap.data import Binding, InputError, MarkerTake, Rig
+from blendcap.data import Binding, InputError, MarkerTake, PaintTracks, Rig
 from blendcap.data.names import listed
 from blendcap.markers.cleaning import drop_spikes, fill_gaps
 from blendcap.markers.filled import FilledStretch, drop_stretches, filled_stretches
-from blendcap.markers.helmet import paper_columns, rigid_columns
+from blendcap.markers.helmet import paper_columns, pivot, rigid_columns
 from blendcap.markers.stabilization import stabilize, stabilize_live
+from blendcap.markers.track_rows import check_tracks, track_rows
 from blendcap.solving.noise import marker_noise
 from blendcap.solving.rows import MarkerRows, marker_rows
 from blendcap.solving.settings import SolveSettings
@@ -39,10 +40,12 @@ class MarkerProblem:
     rate : float
         Frames a second.
     markers : (M,) str
-    rest : (M, 3)
-        The markers on the neutral, mm, in the rig's space.
-    positions : (T, M, 3)
-        The markers without the motion of the head, mm, in the rig's space; NaN where missing.
+    rest : (M + K, 3)
+        The markers, and after them the tracks, on the neutral, mm, in the rig's space.
+    positions : (T, M + K, 3)
+        The same without the motion of the head; NaN where missing.
+    axes : (M + K, 3, 3), optional
+        The directions along which each tells its place; all, if there are no tracks.
     rows : MarkerRows
     noise : float
         Standard deviation of a marker coordinate, model error included, mm.
@@ -57,34 +60,49 @@ class MarkerProblem:
     markers: tuple[str, ...]
     rest: np.ndarray
     positions: np.ndarray
+    axes: np.ndarray | None
     rows: MarkerRows
     noise: float
     head: np.ndarray | None
     filled: tuple[FilledStretch, ...]
 
+    @property
+    def center(self) -> np.ndarray:
+        """(3,) what the helmet turns about, mm."""
+        return pivot(self.rest[: len(self.markers)])
+
 
 def marker_problem(
-    rig: Rig, take: MarkerTake, binding: Binding, settings: SolveSettings, progress: Callable[[str], None]
-) -> MarkerProblem:
+    rig: Rig, take: MarkerTake, binding: Binding, settings: SolveSettings, progress: Callable[[str], None],
+    tracks: PaintTracks | None = None,
+) -> MarkerProblem:  # fmt: skip
     """Rows and noise of a take; `rig` counts weights as shares, `progress` is told what begins.
 
     Raises
     ------
     InputError
-        If a bound marker is not in the take or missing in every frame.
+        If a bound marker is not in the take or missing in every frame, or the tracks are not of this take and rig.
     """
+    if tracks is not None:
+        settings = replace(settings, head=check_tracks(tracks, rig, take, binding, settings.head))
     progress("cleaning")
     cleaned, filled = _cleaned(take, binding, settings)
     progress("head motion")
     surface, deltas = rig.sample(binding.points)
     rest = surface + binding.offsets
     head, still = _without_head(cleaned, rest, binding, settings)
-    positions = binding.to_rig(still.positions)
-    helmet = _helmet_columns(rest, settings.helmet)
-    rows = marker_rows(deltas, helmet, positions - rest, rig.bounds, 0.0 if settings.helmet == "paper" else -1.0)
-    known = positions[: math.ceil(WARM_UP * take.rate)] if settings.method == "live" else positions
-    noise = _noise(known, settings)
-    return MarkerProblem(rig, take.rate, binding.points.names, rest, positions, rows, noise, head, filled)
+    positions, axes = binding.to_rig(still.positions), None
+    noise = _noise(_known(positions, take.rate, settings), settings)
+    center = pivot(rest)
+    if tracks is not None:
+        ours = track_rows(tracks, rig, binding)
+        deltas = np.concatenate([deltas, ours.deltas], axis=1)
+        rest, positions = np.concatenate([rest, ours.rest]), np.concatenate([positions, ours.positions], axis=1)
+        axes = np.concatenate([np.tile(np.eye(3), (len(binding.points.names), 1, 1)), ours.axes])
+    helmet = _helmet_columns(rest, center, settings.helmet)
+    lowest = 0.0 if settings.helmet == "paper" else -1.0
+    rows = marker_rows(deltas, helmet, positions - rest, rig.bounds, lowest, axes)
+    return MarkerProblem(rig, take.rate, binding.points.names, rest, positions, axes, rows, noise, head, filled)
 
 
 def _cleaned(
@@ -145,10 +163,15 @@ def _stabilized(take: MarkerTake, rest: np.ndarray, settings: SolveSettings) -> 
     return (head, still) if always or np.nanmax(moved, initial=0.0) > HEAD_MOVES else None
 
 
-def _helmet_columns(rest: np.ndarray, kind: str) -> np.ndarray:
+def _helmet_columns(rest: np.ndarray, center: np.ndarray, kind: str) -> np.ndarray:
     if kind == "none":
         return np.empty((0, *rest.shape))
-    return paper_columns(rest) if kind == "paper" else rigid_columns(rest)
+    return paper_columns(rest, center) if kind == "paper" else rigid_columns(rest, center=center)
+
+
+def _known(positions: np.ndarray, rate: float, settings: SolveSettings) -> np.ndarray:
+    """The frames (F, M, 3) that tell the noise: the live solve knows only the first."""
+    return positions[: math.ceil(WARM_UP * rate)] if settings.method == "live" else positions
 
 
 def _noise(positions: np.ndarray, settings: SolveSettings) -> float:

@@ -9,14 +9,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from blendcap.data import Animation, Binding, InputError, MarkerTake, Rig, Solution
+from blendcap.data import Animation, Binding, InputError, MarkerTake, PaintTracks, Rig, Solution
 from blendcap.data.names import listed
-from blendcap.markers.helmet import paper_motion, pivot, remove_motion, rigid_motion
+from blendcap.markers.helmet import paper_motion, remove_motion, rigid_motion
 from blendcap.markers.problem import MarkerProblem, marker_problem
 from blendcap.solving.answer import Answer
 from blendcap.solving.curves import Curves, curves_for
 from blendcap.solving.methods import confidence, solve_rows, standard_errors
-from blendcap.solving.rows import MarkerRows
+from blendcap.solving.rows import MarkerRows, along
 from blendcap.solving.settings import SolveSettings
 from blendcap.solving.shares import full_weights, in_shares
 from blendcap.solving.visibility import UNSEEN
@@ -51,6 +51,7 @@ def solve(
     *,
     patches: Animation | None = None,
     patches_offset: float | None = None,
+    tracks: PaintTracks | None = None,
     settings: SolveSettings | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Solution:
@@ -69,6 +70,8 @@ def solve(
         the rig's upper bound is.
     patches_offset : float, optional
         Seconds by which the patches' video begins after the take; needed only if the two differ in length.
+    tracks : PaintTracks, optional
+        Skin between the markers that head cameras followed, from `track_paint`: each a row of the same equation.
     settings : SolveSettings, optional
         Defaults to what we recommend.
     progress : callable
@@ -83,14 +86,15 @@ def solve(
     Raises
     ------
     InputError
-        If a bound marker is not in the take or missing in every frame, the rig has no shape that can move, or the
-        patches have another length, or speak of a shape that the rig has not.
+        If a bound marker is not in the take or missing in every frame, the rig has no shape that can move, the
+        patches have another length, or speak of a shape that the rig has not, or the tracks are not of this take and
+        rig.
     """
     _check(rig)
     settings, clock = settings or SolveSettings(), _Clock(progress)
     times = np.arange(len(take.positions)) / take.rate
     curves = None if patches is None else curves_for(rig.names, patches, times, patches_offset, rig.name)
-    problem = marker_problem(in_shares(rig), take, binding, settings, clock.begin)
+    problem = marker_problem(in_shares(rig), take, binding, settings, clock.begin, tracks)
     clock.begin("solving")
     answer = solve_rows(
         problem.rig, problem.rows, take.rate, problem.noise, settings, curves=curves,
@@ -106,7 +110,8 @@ def _solution(
     seconds: dict[str, float],
 ) -> Solution:  # fmt: skip
     """All that an answer says, by the names of shapes and markers; the weights as the caller's rig counts them."""
-    rig, rest, rows, unknowns = problem.rig, problem.rest, answer.rows, answer.unknowns
+    rig, count, rows, unknowns = problem.rig, len(problem.markers), answer.rows.markers, answer.unknowns
+    rest = problem.rest[:count]
     errors = standard_errors(rig, answer, problem.noise, curves, settings)
     unseen = {
         name: float(e) for name, e, held in zip(rig.names, errors, answer.held, strict=True) if held or e > UNSEEN
@@ -115,9 +120,12 @@ def _solution(
     _warn(unseen, held, settings.method)
     shares, helmet = unknowns[:, : rows.shapes], _helmet_part(rows, unknowns)
     residuals = rows.errors(unknowns)
-    sure = confidence(errors, rows)
+    sure = confidence(errors, answer.rows)
     asked = settings.as_text() | {"noise (mm)": f"{answer.noise:.3f}"}
-    made_up = {"filled by other software": "; ".join(map(str, problem.filled))} if problem.filled else {}
+    if problem.filled:
+        asked["filled by other software"] = "; ".join(map(str, problem.filled))
+    if answer.rows.tracks.any():
+        asked["tracks"] = _as_told(problem.rows, answer.rows)
     return Solution(
         animation=Animation(
             full * shares, rig.names, problem.rate, head=problem.head, confidence=sure, meta={"rig": rig.name}
@@ -130,11 +138,12 @@ def _solution(
         helmet=_helmet_motion(unknowns[:, rows.shapes :], settings.helmet),
         unseen=unseen,
         held=held,
-        trusted=dict(zip(problem.markers, answer.trusted.tolist(), strict=True)),
+        trusted=dict(zip(problem.markers, answer.trusted[:count].tolist(), strict=True)),
         targets=rest + np.where(rows.missing[..., None], np.nan, rows.targets) - helmet,
         fitted=rest + rows.predict(unknowns) - helmet,
         conflict=None if curves is None else curves.conflict(shares),
-        settings=asked | made_up,
+        track_rms=_track_rms(answer),
+        settings=asked,
         seconds=seconds,
     )
 
@@ -163,7 +172,8 @@ def _relinearize(problem: MarkerProblem, helmet: str) -> Callable[[np.ndarray], 
     def targets(unknowns: np.ndarray) -> np.ndarray:
         motion = _helmet_motion(unknowns[:, rows.shapes :], helmet)
         assert motion is not None
-        return remove_motion(positions, motion, pivot(rest)) - rest + _helmet_part(rows, unknowns)
+        still = remove_motion(positions, motion, problem.center) - rest
+        return (still if problem.axes is None else along(problem.axes, still)) + _helmet_part(rows, unknowns)
 
     return targets
 
@@ -184,6 +194,22 @@ def _warn(unseen: dict[str, float], held: tuple[str, ...], method: str) -> None:
         how = "A guess" if method == "paper" else "Told only by, or together with, their partner on the other side"
         parts.append(f"{how}: {listed(others)}.")
     log.warning("These markers cannot tell the weights of %d shapes. %s", len(unseen), " ".join(parts))
+
+
+def _as_told(before: MarkerRows, after: MarkerRows) -> str:
+    """How many tracks there are, what part of their samples was lost, and what part was left out as astray."""
+    lost, left = before.missing[:, before.tracks].mean(), after.missing[:, after.tracks].mean()
+    return f"{np.count_nonzero(after.tracks)}, of their samples {lost:.1%} lost, {left - lost:.1%} astray"
+
+
+def _track_rms(answer: Answer) -> np.ndarray | None:
+    """(T,) of the tracks that count, mm a coordinate; None if there are none."""
+    tracks = answer.rows.tracks
+    if not tracks.any():
+        return None
+    squared = answer.rows.errors(answer.unknowns)[:, tracks] ** 2
+    told = (np.isfinite(squared) * answer.rows.coordinates[tracks]).sum(1)
+    return np.sqrt(np.divide(np.nansum(squared, 1), told, out=np.full(len(told), np.nan), where=told > 0))
 
 
 def _rms(residuals: np.ndarray) -> np.ndarray:

@@ -30,7 +30,7 @@ from blendcap.solving.prior import (
     trend,
 )
 from blendcap.solving.rows import MarkerRows
-from blendcap.solving.trust import marker_errors, overall, trust
+from blendcap.solving.trust import marker_errors, overall, trust, without_strays
 from blendcap.solving.visibility import Kinship, held_shapes, lasting_noise, weight_errors
 
 log = logging.getLogger(__name__)
@@ -60,7 +60,7 @@ def solve_learned(
     where s is the noise, C the covariance of poses, q the variance of steps and w their Student weights;
     C, q and w are re-estimated between passes. From the second pass on shapes that the markers cannot tell are held at
     rest (`held_shapes`), and so is, frame by frame, the smaller of two that exclude each other (`resting`). Markers
-    that went astray count less (`trust`), and a quick shape is free while it moves and held back while it is calm
+    that went astray count less (`trust`), samples of tracks that did are left out (`without_strays`), and a quick shape is free while it moves and held back while it is calm
     (`lid_events`). Curves add `sum_i s² / e_i² c_ti (a_ti - ã_ti)²` (Eq. 4, Eq. 38) with
     their confidence c; a solve of the markers alone before puts the curves of shapes that markers see on their scale
     and tells how far each still errs, e_i. A curve of a shape that no marker sees counts in full.
@@ -93,12 +93,14 @@ def solve_learned(
     told_error = np.full(rows.shapes, curve_error)
     if curves is not None:
         progress("the markers alone")
-        curves, told_error = _calibrated(rows, belief, rate, smoothness, curves, curve_error)
+        alone = _Belief.first(start, belief.noise, len(rows.markers.rows))
+        curves, told_error = _calibrated(rows.markers, alone, rate, smoothness, curves, curve_error)
     progress(f"pass 1 of {passes}")
     terms = _terms(rows, belief, rate, smoothness, curves, told_error)
     unknowns, certificate = terms.solved()
     for k in range(1, passes):
         belief = _learned(rows, terms, unknowns, belief, start, noise, rate, kinship)
+        rows = without_strays(rows, unknowns)
         if relinearize is not None and k == passes - 1:
             rows = rows.with_targets(relinearize(unknowns))
         progress(f"pass {k + 1} of {passes}")

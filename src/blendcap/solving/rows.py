@@ -25,6 +25,9 @@ class MarkerRows:
         N; the unknowns after it belong to the helmet.
     lower, upper : (N + K,)
         Bounds of the unknowns.
+    told : (M,), optional
+        How many coordinates each marker tells: 3 if not given, less for a track, which one camera sees. Rows and
+        targets of a track are those along its two axes, and zeros.
     """
 
     rows: np.ndarray
@@ -33,6 +36,25 @@ class MarkerRows:
     shapes: int
     lower: np.ndarray
     upper: np.ndarray
+    told: np.ndarray | None = None
+
+    @property
+    def coordinates(self) -> np.ndarray:
+        """(M,) how many coordinates each marker tells."""
+        return np.full(len(self.rows), 3.0) if self.told is None else self.told
+
+    @property
+    def tracks(self) -> np.ndarray:
+        """(M,) bool: which of them are no markers, but tracks."""
+        return self.coordinates < 3
+
+    @property
+    def markers(self) -> MarkerRows:
+        """The markers alone, which come before the tracks."""
+        kept = ~self.tracks
+        return replace(
+            self, rows=self.rows[kept], targets=self.targets[:, kept], missing=self.missing[:, kept], told=None
+        )
 
     @property
     def gram(self) -> np.ndarray:
@@ -72,8 +94,9 @@ class MarkerRows:
 
 
 def marker_rows(
-    deltas: np.ndarray, helmet: np.ndarray, displacements: np.ndarray, bounds: np.ndarray, helmet_lower: float
-) -> MarkerRows:
+    deltas: np.ndarray, helmet: np.ndarray, displacements: np.ndarray, bounds: np.ndarray, helmet_lower: float,
+    axes: np.ndarray | None = None,
+) -> MarkerRows:  # fmt: skip
     """Rows of a take.
 
     Parameters
@@ -88,15 +111,26 @@ def marker_rows(
         Of the shapes' weights.
     helmet_lower : float
         Lowest value of the helmet's unknowns: -1 (signed) or 0 (the thesis' pairs). The highest is 1.
+    axes : (M, 3, 3), optional
+        The directions along which each marker tells its place, by how much each counts: the unit matrix if not given.
     """
     columns = np.concatenate([deltas, helmet]) if len(helmet) else deltas
     missing = np.isnan(displacements[..., 0])
     extra = len(helmet)
+    rows, told = columns.transpose(1, 2, 0), None
+    if axes is not None:
+        rows, displacements, told = axes @ rows, along(axes, displacements), (axes**2).sum((1, 2))
     return MarkerRows(
-        rows=np.ascontiguousarray(columns.transpose(1, 2, 0)),
+        rows=np.ascontiguousarray(rows),
         targets=np.where(missing[..., None], 0.0, displacements),
         missing=missing,
         shapes=len(deltas),
         lower=np.r_[bounds[:, 0], np.full(extra, helmet_lower)],
         upper=np.r_[bounds[:, 1], np.ones(extra)],
+        told=told,
     )
+
+
+def along(axes: np.ndarray, displacements: np.ndarray) -> np.ndarray:
+    """Displacements (T, M, 3), mm, along the axes (M, 3, 3) of each marker."""
+    return np.einsum("mij,tmj->tmi", axes, displacements, optimize=True)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from blendcap.solving.rows import MarkerRows
@@ -9,6 +11,8 @@ from blendcap.solving.rows import MarkerRows
 ASTRAY = 2.0  # times the error of half of the markers; beyond it a marker counts less and less
 BLAMELESS = 0.3  # mm: an error that no marker is blamed for, however good the others are
 LEAST_FREEDOM = 0.25  # part of a marker's coordinates that the fit is taken to leave free
+STRAY = 3.0  # times the error of half of the tracks' samples; beyond it a sample is left out
+HARMLESS = 0.15  # mm: an error for which no sample of a track is left out
 
 
 def marker_errors(rows: MarkerRows, unknowns: np.ndarray, leverage: np.ndarray) -> np.ndarray:
@@ -19,11 +23,11 @@ def marker_errors(rows: MarkerRows, unknowns: np.ndarray, leverage: np.ndarray) 
     rows : MarkerRows
     unknowns : (T, N + K)
     leverage : (M,)
-        How many of its three coordinates the fit swallows; they are put back.
+        How many of its coordinates the fit swallows; they are put back.
     """
     squared = np.nansum(rows.errors(unknowns) ** 2, axis=0)
-    coordinates = 3 * np.count_nonzero(~rows.missing, axis=0)
-    free = coordinates * np.maximum(1 - leverage / 3, LEAST_FREEDOM)
+    coordinates = rows.coordinates * np.count_nonzero(~rows.missing, axis=0)
+    free = coordinates * np.maximum(1 - leverage / rows.coordinates, LEAST_FREEDOM)
     return np.sqrt(np.divide(squared, free, out=np.full(len(free), np.nan), where=free > 0))
 
 
@@ -48,6 +52,21 @@ def trust(errors: np.ndarray) -> np.ndarray:
 def overall(rows: MarkerRows, unknowns: np.ndarray, leverage: np.ndarray, factors: np.ndarray) -> float:
     """Standard deviation of a coordinate, mm, over markers as far as they are trusted."""
     squared = np.nansum((factors * rows.errors(unknowns)) ** 2)
-    coordinates = 3 * np.count_nonzero(~rows.missing, axis=0)
-    free = max(float((coordinates * (1 - leverage / 3)).sum()), LEAST_FREEDOM * coordinates.sum(), 1.0)
+    coordinates = rows.coordinates * np.count_nonzero(~rows.missing, axis=0)
+    free = max(float((coordinates * (1 - leverage / rows.coordinates)).sum()), LEAST_FREEDOM * coordinates.sum(), 1.0)
     return float(np.sqrt(squared / free))
+
+
+def without_strays(rows: MarkerRows, unknowns: np.ndarray) -> MarkerRows:
+    """The rows without the tracks' samples that err far more than most: what was followed there was something else.
+
+    Markers are told apart by a label and stay; a track that is lost for a while is as good as ever when it is back.
+    """
+    if not rows.tracks.any():
+        return rows
+    errors = np.where(rows.tracks, rows.errors(unknowns), np.nan)
+    usual = np.nanmedian(errors) if np.isfinite(errors).any() else 0.0
+    with np.errstate(invalid="ignore"):
+        stray = errors > max(STRAY * usual, HARMLESS)
+    missing = rows.missing | stray
+    return replace(rows, missing=missing, targets=np.where(missing[..., None], 0.0, rows.targets))

@@ -1,10 +1,9 @@
-"""The markers alone beside the hybrid solve: where the makeup patches made a difference, and whether it is right."""
+"""The markers alone beside the hybrid solve: where the paint made a difference, and whether it is right."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from itertools import starmap
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -37,23 +36,23 @@ def comparison(rig: Rig, alone: Solution, hybrid: Solution, patches: Animation |
     Parameters
     ----------
     alone, hybrid : Solution
-        Of the markers alone, and with the curves of the patches.
+        Of the markers alone, and with curves of the patches or tracks.
     patches : Animation, optional
         The curves.
     """
     _check(alone.animation, hybrid.animation)
     html = page.table(["region", "apart on average"], _regions(rig, alone, hybrid))
-    html += page.figure(inline_svg(plot_comparison(alone, hybrid, patches)), "Shapes that the patches changed most.")
+    html += page.figure(inline_svg(plot_comparison(alone, hybrid, patches)), "Shapes that the paint changed most.")
     for frame in _frames_apart(rig, alone, hybrid):
         pair = [still(rig, weights_on(rig, s.animation)[frame], size=PICTURE, yaws=(0.0,)) for s in (alone, hybrid)]
-        caption = f"Frame {frame}, {alone.animation.times[frame]:.2f} s: the markers alone, and with the patches."
+        caption = f"Frame {frame}, {alone.animation.times[frame]:.2f} s: the markers alone, and with the paint."
         html += page.figure(page.image(np.hstack(pair), "side by side"), caption)
     return html
 
 
 @styled
 def plot_comparison(alone: Solution, hybrid: Solution, patches: Animation | None = None) -> Figure:
-    """Weights over time of the shapes that the patches changed most: markers alone, hybrid, and what patches say."""
+    """Weights over time of the shapes that the paint changed most: markers alone, hybrid, and what patches say."""
     ours, theirs = hybrid.animation, alone.animation
     change = np.sqrt(((ours.weights - theirs.select(ours.names).weights) ** 2).mean(0))
     order = np.argsort(-change, kind="stable")[: max(1, min(MOST_CURVES, int((change > CHANGED).sum())))]
@@ -73,9 +72,11 @@ def plot_comparison(alone: Solution, hybrid: Solution, patches: Animation | None
         axes.set_visible(False)
     grid[0, 0].set_ylim(-0.03, 1.05)
     figure.supxlabel("seconds", fontsize=8)
-    lines = [([], [], INK, "-"), ([], [], BLUE, "-"), ([], [], GREEN, "--")]
-    handles = list(starmap(lambda x, y, color, dash: axes.plot(x, y, color=color, linestyle=dash)[0], lines))
-    figure.legend(handles, ("markers alone", "hybrid", "what the patches say"), ncols=3, loc="outside upper right")
+    lines = {"markers alone": (INK, "-"), "hybrid": (BLUE, "-")}
+    if patches is not None:
+        lines["what the patches say"] = (GREEN, "--")
+    handles = [axes.plot([], [], color=color, linestyle=dash)[0] for color, dash in lines.values()]
+    figure.legend(handles, list(lines), ncols=3, loc="outside upper right")
     return figure
 
 
@@ -98,7 +99,7 @@ def write_comparison(
     _check(alone, hybrid)
     films = [
         pictures(rig, animation, replace(film, title=f"{film.title} {what}".strip()))
-        for animation, what in ((alone, "markers alone"), (hybrid, "with patches"))
+        for animation, what in ((alone, "markers alone"), (hybrid, "with the paint"))
     ]
     pairs = (np.hstack(pair) for pair in zip(*films, strict=True))
     size = (2 * film.size[0], film.size[1])

@@ -12,11 +12,11 @@ from blendcap.io import write_video
 from blendcap.io.images import write_image
 from blendcap.makeup.setup import Setup
 from blendcap.makeup.stabilization import Stabilizer
+from blendcap.view.camera_tiles import even, tile, two_by_two
 from blendcap.view.image import draw_text, text_width
 
 COLORS = ((236, 112, 99), (247, 204, 86), (110, 193, 228), (130, 214, 140), (200, 150, 230), (240, 160, 90))
 GROUND, INK = np.array([24, 26, 30], dtype=np.uint8), (222, 224, 228)
-TILE = 480  # pixels across a camera's picture, whatever its own size
 ROW = 18  # pixels a curve
 NAME = 12  # pixels of text at a patch
 COLUMNS = 3  # of curves
@@ -88,23 +88,16 @@ def _pictures(videos, setup: Setup, curves: Animation, wanted: Collection[int], 
 
 
 def _picture(frames: Sequence[np.ndarray], matrices: Sequence[np.ndarray], setup: Setup, curves: Animation, t: int):
-    """The cameras two by two, with even height and width as films need it."""
-    tiles = [_tile(frame, view, setup, matrices[view]) for view, frame in enumerate(frames)]
-    if len(tiles) % 2:
-        tiles.append(np.zeros_like(tiles[0]))
-    rows = [np.hstack(tiles[k : k + 2]) for k in range(0, len(tiles), 2)]
-    picture = np.vstack([*rows, _bars(curves, t, rows[0].shape[1])])
-    return np.ascontiguousarray(picture[: picture.shape[0] // 2 * 2, : picture.shape[1] // 2 * 2])
+    """The cameras two by two, and the bars below."""
+    cameras = two_by_two([_tile(frame, view, setup, matrices[view]) for view, frame in enumerate(frames)])
+    return even(np.vstack([cameras, _bars(curves, t, cameras.shape[1])]))
 
 
 def _tile(frame: np.ndarray, view: int, setup: Setup, matrix: np.ndarray) -> np.ndarray:
-    """A camera's picture, `TILE` pixels wide, with its patches and their names."""
+    """A camera's picture with its patches and their names."""
     import cv2
 
-    scale = TILE / frame.shape[1]
-    way = cv2.INTER_AREA if scale < 1 else cv2.INTER_CUBIC
-    small = cv2.resize(frame, (TILE, round(frame.shape[0] * scale)), interpolation=way)
-    picture = cv2.cvtColor(small, cv2.COLOR_GRAY2RGB)
+    picture, scale = tile(frame)
     for k, (name, (camera, corners)) in enumerate(setup.places.items()):
         if camera == view:
             color = COLORS[k % len(COLORS)]

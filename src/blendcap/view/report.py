@@ -46,7 +46,7 @@ def write_report(
     binding : Binding, optional
         For its history and the heat map of the error.
     alone : Solution, optional
-        Of the same take without the makeup patches, to be shown beside this one.
+        Of the same take without the paint, to be shown beside this one.
     patches : Animation, optional
         The curves of the patches, to be drawn between the two.
     video : path, optional
@@ -64,7 +64,7 @@ def write_report(
         ("Summary", _summary(solution)),
         ("Look twice", page.sentences(concerns(rig, solution, binding), "concerns")),
         ("Preview", _film(video)),
-        ("What the patches changed", "" if alone is None else comparison(rig, alone, solution, patches)),
+        ("What the paint changed", "" if alone is None else comparison(rig, alone, solution, patches)),
         ("Where the error sits", _pictures(rig, solution, binding)),
         ("Over time", _curves(solution, binding)),
         ("Shapes", page.figure(inline_svg(plots.plot_shapes(animation))) + _shapes_table(solution, alone)),
@@ -98,9 +98,17 @@ def _summary(solution: Solution) -> str:
                 f"{proof.max_kkt:.1e}",
                 "good" if proof.converged else "bad",
             ),
+            *_tracks_card(solution),
             ("to solve", f"{sum(solution.seconds.values()):.2f} s", ""),
         ]
     )
+
+
+def _tracks_card(solution: Solution) -> list[tuple[str, str, str]]:
+    """How well the tracks are met, if there are any."""
+    if solution.track_rms is None or not np.isfinite(solution.track_rms).any():
+        return []
+    return [("RMS of the tracks across their lines of sight", _mm(np.sqrt(np.nanmean(solution.track_rms**2))), "")]
 
 
 def _film(video: str | Path | None) -> str:
@@ -160,7 +168,7 @@ def _shapes_table(solution: Solution, alone: Solution | None) -> str:
 
 def _seen(solution: Solution, alone: Solution | None, name: str) -> str:
     if name not in solution.unseen:
-        return "seen" if alone is None or name not in alone.unseen else "unseen, told by the patches"
+        return "seen" if alone is None or name not in alone.unseen else "unseen, told by the paint"
     return f"{'held, ' if name in solution.held else ''}unseen ({sight(solution.unseen[name])})"
 
 

@@ -1,0 +1,60 @@
+"""Tracks of the skin between the markers, laid against the rig that the markers are bound to."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from blendcap.data import Binding, InputError, MarkerTake, PaintTracks, Rig
+
+FAR = 5.0  # mm: tracks whose middle one lies farther from the rig's neutral were made with something else
+RATES = 0.01  # part by which the rates of tracks and take may differ
+
+
+class TrackRows(NamedTuple):
+    """Tracks in the rig's space."""
+
+    deltas: np.ndarray  # (N, K, 3) what each shape does to each track, mm
+    rest: np.ndarray  # (K, 3) mm
+    positions: np.ndarray  # (T, K, 3) mm; NaN where lost
+    axes: np.ndarray  # (K, 3, 3) the two directions that each tells, and zeros
+
+
+def check_tracks(tracks: PaintTracks, rig: Rig, take: MarkerTake, binding: Binding, head: str) -> str:
+    """How a take that tracks go with treats the head's motion: it stays, since the cameras ride on the helmet.
+
+    Raises
+    ------
+    InputError
+        If the tracks have other frames than the take, lie on another rig, or the head's motion is to be removed.
+    """
+    if head == "remove":
+        raise InputError(
+            "Tracks come from cameras on the helmet, as the markers must; do not remove the head's motion."
+        )
+    frames, apart = len(take.positions), abs(tracks.rate - take.rate)
+    if len(tracks.positions) != frames or apart > RATES * take.rate:
+        raise InputError(
+            f"The tracks have {len(tracks.positions)} frames at {tracks.rate:g} a second, but the take {frames} at "
+            f"{take.rate:g}; follow the paint in the film of this take."
+        )
+    far = np.linalg.norm(binding.to_rig(tracks.rest) - tracks.points.positions(rig.mesh), axis=1)
+    if np.median(far) > FAR:
+        raise InputError(
+            f"The tracks lie {np.median(far):.0f} mm from the rig {rig.name!r} as its markers are bound; follow the "
+            "paint with this rig and these correspondences."
+        )
+    return "keep"
+
+
+def track_rows(tracks: PaintTracks, rig: Rig, binding: Binding) -> TrackRows:
+    """The tracks as the solve takes them.
+
+    A track's neutral place is where its line of sight met the neutral rig, so what it tells is motion alone: where the
+    scan erred does not matter.
+    """
+    _, deltas = rig.sample(tracks.points)
+    axes = np.zeros((len(tracks.points.names), 3, 3))
+    axes[:, :2] = tracks.axes @ binding.rotation.T
+    return TrackRows(deltas, binding.to_rig(tracks.rest), binding.to_rig(tracks.positions), axes)
