@@ -50,19 +50,19 @@ class Windows:
         """Cut windows around pixels (K, 2) out of a picture (H, W) float32; `counts` (K, n, n) say what belongs."""
         middles = np.ascontiguousarray(middles, dtype=np.float64)
         looks = _sampled(picture, middles, np.tile(np.eye(2), (len(middles), 1, 1)))
-        counts = np.ones_like(looks) if counts is None else counts.astype(np.float32)
-        counts = counts / np.maximum(counts.sum((1, 2), keepdims=True), 1)
+        belongs = np.ones_like(looks) if counts is None else counts.astype(np.float32)
+        shares = belongs / np.maximum(belongs.sum((1, 2), keepdims=True), 1)
         rows, columns = np.gradient(looks, axis=(1, 2))
-        looks = looks - (counts * looks).sum((1, 2), keepdims=True)
-        length = np.sqrt((counts * looks**2).sum((1, 2), keepdims=True))
+        looks = looks - (shares * looks).sum((1, 2), keepdims=True)
+        length = np.sqrt((shares * looks**2).sum((1, 2), keepdims=True))
         slopes = np.stack([columns, rows], axis=-1)
-        squares = np.einsum("kyx,kyxi,kyxj->kij", counts, slopes, slopes, dtype=np.float64)
+        squares = np.einsum("kyx,kyxi,kyxj->kij", shares, slopes, slopes, dtype=np.float64)
         values, directions = np.linalg.eigh(squares)
         values, directions = np.maximum(values[:, ::-1], 0), directions.transpose(0, 2, 1)[:, ::-1]
         scale = np.maximum(length, 1e-6)
         steady = squares + (STEADY * values[:, 0] + 1e-12)[:, None, None] * np.eye(2)
         steps = np.linalg.inv(steady) * scale[..., 0, None] ** 2
-        return cls(looks / scale, slopes / scale[..., None], counts, steps, values, directions)
+        return cls(looks / scale, slopes / scale[..., None], shares, steps, values, directions)
 
     def of(self, chosen: np.ndarray) -> Windows:
         """The chosen windows."""

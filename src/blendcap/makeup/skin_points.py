@@ -78,7 +78,8 @@ class _SeenSkin:
         self.normals = vertex_normals(self.vertices, self.faces)
         moving = np.zeros(len(self.vertices), dtype=bool)
         moving[rig.moving_vertices()] = True
-        self.skin = (moving & ~inside_vertices(rig))[self.faces].all(1)
+        skin = np.logical_and(moving, ~inside_vertices(rig))
+        self.skin = np.all(skin[self.faces], axis=1)
         self.deltas = rig.deltas
 
     def under(self, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

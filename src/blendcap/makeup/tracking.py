@@ -84,13 +84,16 @@ class _Expected:
     """Where the skin is in the take's space by a solve: its own motion, and the face placed by the markers."""
 
     def __init__(self, rig: Rig, take: MarkerTake, binding: Binding, solution: Solution):
+        fitted = solution.fitted
+        if fitted is None:
+            raise InputError("The solution does not say where it put the markers; give one of blendcap.solve.")
         self.rig, self.binding, self.weights = rig, binding, solution.animation.weights
         seen = binding.to_rig(take.select(solution.marker_names).positions)
-        seen = np.where(np.isfinite(solution.fitted).all(2, keepdims=True), seen, np.nan)
+        seen = np.where(np.isfinite(fitted).all(2, keepdims=True), seen, np.nan)
         enough = np.isfinite(seen).all(2).sum(1) >= FEWEST
         if not enough.any():
             raise InputError(f"No frame of the take has {FEWEST} markers, which it takes to place the face.")
-        places = align(solution.fitted[enough], seen[enough], scale=False)[:2]
+        places = align(fitted[enough], seen[enough], scale=False)[:2]
         nearest = np.maximum(np.cumsum(enough) - 1, 0)  # where there are too few, the frame before
         self.rotation, self.translation = (part[nearest] for part in places)
 

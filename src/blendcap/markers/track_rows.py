@@ -30,9 +30,7 @@ def check_tracks(tracks: PaintTracks, rig: Rig, take: MarkerTake, binding: Bindi
         If the tracks have other frames than the take, lie on another rig, or the head's motion is to be removed.
     """
     if head == "remove":
-        raise InputError(
-            "Tracks come from cameras on the helmet, as the markers must; do not remove the head's motion."
-        )
+        raise InputError("Tracks come from cameras on the helmet, and so must the markers: keep the head's motion.")
     frames, apart = len(take.positions), abs(tracks.rate - take.rate)
     if len(tracks.positions) != frames or apart > RATES * take.rate:
         raise InputError(

@@ -60,8 +60,9 @@ def solve_learned(
     where s is the noise, C the covariance of poses, q the variance of steps and w their Student weights;
     C, q and w are re-estimated between passes. From the second pass on shapes that the markers cannot tell are held at
     rest (`held_shapes`), and so is, frame by frame, the smaller of two that exclude each other (`resting`). Markers
-    that went astray count less (`trust`), samples of tracks that did are left out (`without_strays`), and a quick shape is free while it moves and held back while it is calm
-    (`lid_events`). Curves add `sum_i s² / e_i² c_ti (a_ti - ã_ti)²` (Eq. 4, Eq. 38) with
+    that went astray count less (`trust`), samples of tracks that did are left out (`without_strays`), and a quick
+    shape is free while it moves and held back while it is calm (`lid_events`). Curves add
+    `sum_i s² / e_i² c_ti (a_ti - ã_ti)²` (Eq. 4, Eq. 38) with
     their confidence c; a solve of the markers alone before puts the curves of shapes that markers see on their scale
     and tells how far each still errs, e_i. A curve of a shape that no marker sees counts in full.
 

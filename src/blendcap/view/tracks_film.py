@@ -79,11 +79,11 @@ def _tile(frame: np.ndarray, view: int, camera: Camera, tracks: PaintTracks, t: 
     own = tracks.cameras == view
     rest, found = (scale * project(places[own], camera)[0] for places in (tracks.rest, tracks.positions[t]))
     shift = FINE.bit_length() - 1
-    seen = np.isfinite(found).all(1)
+    seen = np.isfinite(found[:, 0])
     for start, end in zip(rest[seen], found[seen], strict=True):
-        ends = [tuple(int(round(FINE * n)) for n in pixel) for pixel in (start, end)]
-        cv2.line(picture, *ends, WAY, 1, cv2.LINE_AA, shift)
-        cv2.circle(picture, ends[1], FINE * RADIUS, FOUND, -1, cv2.LINE_AA, shift)
-    words = f"camera {view}, frame {t}: {np.count_nonzero(seen)} of {len(seen)} points found"
+        before, after = (np.round(FINE * pixel).astype(int).tolist() for pixel in (start, end))
+        cv2.line(picture, before, after, WAY, 1, cv2.LINE_AA, shift)
+        cv2.circle(picture, after, FINE * RADIUS, FOUND, -1, cv2.LINE_AA, shift)
+    words = f"camera {view}, frame {t}: {np.count_nonzero(seen)} of {seen.size} points found"
     draw_text(picture, words, (8, 8), height=14, anchor="lt", color=FOUND)
     return picture
