@@ -26,9 +26,9 @@ class Windows:
     Parameters
     ----------
     looks : (K, n, n) float32
-        Grey values, their mean taken off and their length 1; 0 where a window does not count.
+        Grey values; their mean is 0 and their mean square 1 over the pixels that count.
     slopes : (K, n, n, 2) float32
-        Their gradients, per pixel; likewise.
+        Their gradients, per pixel.
     counts : (K, n, n) float32
         How much each pixel counts; they sum to 1.
     steps : (K, 2, 2) float64
@@ -52,10 +52,9 @@ class Windows:
         looks = _sampled(picture, middles, np.tile(np.eye(2), (len(middles), 1, 1)))
         belongs = np.ones_like(looks) if counts is None else counts.astype(np.float32)
         shares = belongs / np.maximum(belongs.sum((1, 2), keepdims=True), 1)
-        rows, columns = np.gradient(looks, axis=(1, 2))
         looks = looks - (shares * looks).sum((1, 2), keepdims=True)
         length = np.sqrt((shares * looks**2).sum((1, 2), keepdims=True))
-        slopes = np.stack([columns, rows], axis=-1)
+        slopes = np.stack([np.gradient(looks, axis=2), np.gradient(looks, axis=1)], axis=-1)
         squares = np.einsum("kyx,kyxi,kyxj->kij", shares, slopes, slopes, dtype=np.float64)
         values, directions = np.linalg.eigh(squares)
         values, directions = np.maximum(values[:, ::-1], 0), directions.transpose(0, 2, 1)[:, ::-1]

@@ -1,0 +1,222 @@
+"""Tracks between the markers as rows of the same equation: what they tell, and what is not theirs to tell."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import blendcap
+from blendcap import InputError, PaintTracks, SolveSettings, SurfacePoints
+from blendcap.io import read_tracks, write_tracks
+from blendcap.solving.paper import solve_paper
+from blendcap.solving.rows import marker_rows
+from blendcap.solving.trust import without_strays
+from blendcap.synthetic.head_camera import slip_matrices
+from blendcap.synthetic.takes import choose_points
+from stage import Scene, motion, scene
+
+SHAPES, MARKERS, FRAMES = 4, 6, 20
+BOUNDS = np.tile([0.0, 1.0], (SHAPES, 1))
+LIDS = ("eyeBlinkLeft", "eyeBlinkRight")
+
+
+def columns(seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    """Deltas (N, M, 3) and displacements (T, M, 3) that weights between 0 and 1 explain, but for some noise."""
+    rng = np.random.default_rng(seed)
+    deltas = rng.normal(size=(SHAPES, MARKERS, 3))
+    moved = np.tensordot(rng.uniform(size=(FRAMES, SHAPES)), deltas, axes=1)
+    return deltas, moved + rng.normal(scale=0.02, size=moved.shape)
+
+
+@pytest.fixture(scope="module")
+def bare() -> Scene:
+    """A take with nothing wrong but that no marker sees the lids."""
+    whole = scene(motion())
+    _, deltas = whole.rig.select(LIDS).sample(whole.binding.points)
+    kept = [n for n, d in zip(whole.take.names, np.linalg.norm(deltas, axis=2).max(0), strict=True) if d < 1e-3]
+    take, points = whole.take.select(kept), whole.binding.points.select(kept)
+    return Scene(whole.rig, take, whole.truth, blendcap.bind(whole.rig, take, points, method="given"))
+
+
+def seen_from(scene: Scene, eye, points: SurfacePoints | None = None, deep: float = 0.0) -> PaintTracks:
+    """Exact tracks of points on the skin from a camera at `eye` (3,), `deep` mm of noise along the line of sight."""
+    points = points or choose_points(scene.rig, 60, seed=3)
+    rest, deltas = scene.truth.performer.rig.sample(points)
+    places = rest + np.tensordot(scene.truth.performer.expand(scene.truth.animation.weights), deltas, axes=1)
+    away = places - eye
+    away /= np.linalg.norm(away, axis=2, keepdims=True)
+    places = places + away * np.random.default_rng(0).normal(scale=deep, size=(*away.shape[:2], 1))
+    sight = rest - eye
+    axes = np.linalg.svd(sight[:, None])[2][:, 1:]
+    names = tuple(f"p{k}" for k in range(len(rest)))
+    points = SurfacePoints(names, points.faces, points.barycentric)
+    to_take = scene.binding.to_take
+    axes = axes @ scene.binding.rotation
+    return PaintTracks(points, np.zeros(len(rest), dtype=int), to_take(rest), to_take(places), axes, scene.take.rate)
+
+
+def solved(scene: Scene, tracks: PaintTracks | None = None, **settings):
+    settings = SolveSettings(**{"head": "keep", **settings})
+    return blendcap.solve(scene.rig, scene.take, scene.binding, tracks=tracks, settings=settings)
+
+
+def lids_off(scene: Scene, solution) -> float:
+    rows = [scene.rig.index(name) for name in LIDS]
+    return float(np.abs(scene.off(solution)[:, rows]).max())
+
+
+# The equation
+
+
+def test_two_tracks_that_see_all_of_a_point_are_a_marker():
+    deltas, moved = columns()
+    whole = marker_rows(deltas, np.empty((0, MARKERS, 3)), moved, BOUNDS, -1.0)
+    first, second = np.diag([1, np.sqrt(0.5), 0.0]), np.diag([0.0, np.sqrt(0.5), 1])
+    twice = [np.concatenate([part, part[..., -2:, :]], axis=-2) for part in (deltas, moved)]
+    axes = np.concatenate([np.tile(np.eye(3), (4, 1, 1)), [first] * 2, [second] * 2])
+    split = marker_rows(twice[0], np.empty((0, MARKERS + 2, 3)), twice[1], BOUNDS, -1.0, axes)
+    np.testing.assert_array_equal(split.coordinates, [3, 3, 3, 3, 1.5, 1.5, 1.5, 1.5])
+    np.testing.assert_allclose(split.gram, whole.gram, atol=1e-12)
+    ours, theirs = (solve_paper(rows, 0.1, 0.01)[0] for rows in (split, whole))
+    np.testing.assert_allclose(ours, theirs, atol=1e-10)
+
+
+def test_the_markers_of_rows_with_tracks_are_those_without():
+    deltas, moved = columns()
+    axes = np.concatenate([np.tile(np.eye(3), (4, 1, 1)), np.tile(np.diag([1.0, 1, 0]), (2, 1, 1))])
+    rows = marker_rows(deltas, np.empty((0, MARKERS, 3)), moved, BOUNDS, -1.0, axes)
+    alone = marker_rows(deltas[:, :4], np.empty((0, 4, 3)), moved[:, :4], BOUNDS, -1.0)
+    assert rows.tracks.tolist() == [False] * 4 + [True] * 2
+    for name in ("rows", "targets", "missing"):
+        np.testing.assert_array_equal(getattr(rows.markers, name), getattr(alone, name))
+
+
+def test_samples_that_are_something_else_are_left_out_and_markers_never():
+    deltas, moved = columns()
+    axes = np.concatenate([np.tile(np.eye(3), (2, 1, 1)), np.tile(np.diag([1.0, 1, 0]), (4, 1, 1))])
+    truth = marker_rows(deltas, np.empty((0, MARKERS, 3)), moved, BOUNDS, -1.0, axes)
+    unknowns = solve_paper(truth, 0.0, 1e-6)[0]
+    moved[5, 0] += 9  # a marker
+    moved[7, 4] += [6.0, 0, 0]  # a track
+    moved[8, 5] += [0.0, 0, 50]  # along its line of sight
+    rows = without_strays(marker_rows(deltas, np.empty((0, MARKERS, 3)), moved, BOUNDS, -1.0, axes), unknowns)
+    assert np.argwhere(rows.missing).tolist() == [[7, 4]]
+    np.testing.assert_array_equal(rows.targets[7, 4], 0)
+    alone = marker_rows(deltas, np.empty((0, MARKERS, 3)), moved, BOUNDS, -1.0)
+    assert without_strays(alone, unknowns) is alone
+
+
+# The solve
+
+
+@pytest.mark.parametrize("method", ["learned", "paper", "live"])
+def test_tracks_tell_the_lids_that_no_marker_sees(bare, method):
+    ways = {"method": method} | ({"beta": 0.0, "gamma": 1e-9} if method == "paper" else {})
+    assert lids_off(bare, solved(bare, **ways)) > 0.5
+    assert lids_off(bare, solved(bare, seen_from(bare, [0, 0, 250]), **ways)) < (1e-5 if method == "paper" else 0.06)
+
+
+def test_how_deep_a_track_lies_is_not_believed(bare):
+    exact, deep = (solved(bare, seen_from(bare, [40, 20, 250], deep=d)) for d in (0.0, 0.5))
+    shallow = np.abs(exact.animation.weights - deep.animation.weights)
+    assert shallow.max() < 0.02  # the line of sight turns a little as the point moves
+    assert np.abs(bare.off(exact)).mean() < 0.02
+
+
+def test_a_solution_with_tracks_speaks_of_its_markers_and_of_its_tracks(bare):
+    tracks = seen_from(bare, [0, 0, 250])
+    lost = np.array(tracks.positions)
+    lost[:, ::10] = np.nan
+    solution = solved(bare, replace(tracks, positions=lost))
+    assert solution.residuals.shape == bare.take.positions.shape[:2] and solution.marker_names == bare.take.names
+    assert solution.fitted.shape == solution.targets.shape == bare.take.positions.shape
+    assert set(solution.trusted) == set(bare.take.names)
+    assert solution.track_rms.shape == (len(lost),) and solution.track_rms.max() < 0.1
+    assert solution.settings["tracks"].startswith("60, of their samples 10.0% lost")
+    assert solution.certificate.converged
+    alone = solved(bare)
+    assert alone.track_rms is None and "tracks" not in alone.settings
+
+
+def test_a_helmet_that_slips_takes_the_tracks_along():
+    slipping = scene(motion(), slip=(2.0, 2.0), seed=4)
+    points = choose_points(slipping.rig, 60, seed=3)
+    still = seen_from(slipping, [0, 0, 250], points)
+    truth = slipping.truth
+    matrices = slip_matrices(truth)
+    moved = slipping.binding.to_rig(still.positions) @ matrices[:, :3, :3].transpose(0, 2, 1) + matrices[:, None, :3, 3]
+    solution = solved(slipping, replace(still, positions=slipping.binding.to_take(moved)))
+    assert np.sqrt((slipping.off(solution) ** 2).mean()) < 0.04
+    assert np.abs(solution.helmet[:, 3:] - truth.slip[:, 3:]).max() < 0.01
+
+
+@pytest.mark.parametrize(
+    ("change", "settings", "sentence"),
+    [
+        (lambda t: replace(t, positions=t.positions[:-1]), {}, "frames at 24 a second, but the take"),
+        (lambda t: replace(t, rate=30.0), {}, "frames at 30 a second, but the take"),
+        (lambda t: replace(t, rest=t.rest + 20), {}, "mm from the rig"),
+        (lambda t: t, {"head": "remove"}, "keep the head's motion"),
+    ],
+)
+def test_tracks_of_something_else_are_refused(bare, change, settings, sentence):
+    with pytest.raises(InputError, match=sentence):
+        solved(bare, change(seen_from(bare, [0, 0, 250])), **settings)
+
+
+def test_head_motion_found_by_itself_stays_when_there_are_tracks():
+    turning = scene(motion(), head=(30.0, 8.0))
+    settings = SolveSettings()
+    tracks = seen_from(turning, [0, 0, 250])
+    assert blendcap.solve(turning.rig, turning.take, turning.binding, settings=settings).animation.head is not None
+    both = blendcap.solve(turning.rig, turning.take, turning.binding, tracks=tracks, settings=settings)
+    assert both.animation.head is None
+
+
+# The record and its file
+
+
+def test_tracks_come_back_from_their_file(bare, tmp_path):
+    tracks = seen_from(bare, [0, 0, 250])
+    gone = np.array(tracks.positions)
+    gone[3, 4] = np.nan
+    write_tracks(tmp_path / "t.npz", replace(tracks, positions=gone))
+    back = read_tracks(tmp_path / "t.npz")
+    assert back.points.names == tracks.points.names and back.rate == tracks.rate
+    np.testing.assert_array_equal(back.points.faces, tracks.points.faces)
+    for name in ("cameras", "rest", "axes"):
+        np.testing.assert_array_equal(getattr(back, name), getattr(tracks, name))
+    np.testing.assert_allclose(back.positions, gone, atol=1e-4)
+    assert np.argwhere(back.lost).tolist() == [[3, 4]]
+
+
+def test_files_that_are_no_tracks_are_refused(bare, tmp_path):
+    write_tracks(tmp_path / "t.npz", seen_from(bare, [0, 0, 250]))
+    content = (tmp_path / "t.npz").read_bytes()
+    (tmp_path / "cut.npz").write_bytes(content[: len(content) // 2])
+    blendcap.write_animation(tmp_path / "weights.npz", motion())
+    for name, sentence in (("cut", "cut.npz"), ("weights", "holds no paint tracks"), ("none", "no such file")):
+        with pytest.raises(InputError, match=sentence):
+            read_tracks(tmp_path / f"{name}.npz")
+    with pytest.raises(InputError, match=r"end its name with \.npz"):
+        write_tracks(tmp_path / "t.csv", seen_from(bare, [0, 0, 250]))
+
+
+@pytest.mark.parametrize(
+    ("wrong", "sentence"),
+    [
+        ({"positions": np.zeros((0, 2, 3))}, "empty"),
+        ({"positions": np.full((4, 2, 3), np.inf)}, "'p0' is at infinity in frame 0"),
+        ({"rest": np.zeros((3, 3))}, "rest"),
+        ({"axes": np.full((2, 2, 3), np.nan)}, "axes"),
+        ({"rate": 0.0}, "rate"),
+        ({"cameras": np.array([0, -1])}, "cameras"),
+    ],
+)
+def test_tracks_that_cannot_be_are_refused(wrong, sentence):
+    points = SurfacePoints(("p0", "p1"), np.array([0, 1]), np.tile([1.0, 0, 0], (2, 1)))
+    right = {"cameras": np.array([0, 0]), "rest": np.zeros((2, 3)), "positions": np.zeros((4, 2, 3)),
+             "axes": np.zeros((2, 2, 3)), "rate": 24.0}  # fmt: skip
+    PaintTracks(points, **right)
+    with pytest.raises(InputError, match=sentence):
+        PaintTracks(points, **right | wrong)
