@@ -509,7 +509,7 @@ def test_of_the_markers_alone_beside_a_hybrid_solve_nothing_is_warned(folder, mo
     assert main([*common, "--patches", "curves.csv", "--report", "both.html"]) == 0
     said = capsys.readouterr().err
     assert solves == [True, False] and "no marker, hybrid" in said and "no marker, alone" not in said
-    assert "What the patches changed" in Path("both.html").read_text(encoding="utf-8")
+    assert "What the paint changed" in Path("both.html").read_text(encoding="utf-8")
     assert main(common) == 0
     assert "no marker, alone" in capsys.readouterr().err  # a solve of markers alone warns as ever
 

@@ -33,19 +33,16 @@ def bare() -> Scene:
     """A take with nothing wrong but that no marker sees the lids."""
     whole = scene(motion())
     _, deltas = whole.rig.select(LIDS).sample(whole.binding.points)
-    kept = [n for n, d in zip(whole.take.names, np.linalg.norm(deltas, axis=2).max(0), strict=True) if d < 1e-3]
+    kept = [n for n, d in zip(whole.take.names, np.linalg.norm(deltas, axis=2).max(0), strict=True) if d < 1e-9]
     take, points = whole.take.select(kept), whole.binding.points.select(kept)
     return Scene(whole.rig, take, whole.truth, blendcap.bind(whole.rig, take, points, method="given"))
 
 
-def seen_from(scene: Scene, eye, points: SurfacePoints | None = None, deep: float = 0.0) -> PaintTracks:
-    """Exact tracks of points on the skin from a camera at `eye` (3,), `deep` mm of noise along the line of sight."""
+def seen_from(scene: Scene, eye, points: SurfacePoints | None = None) -> PaintTracks:
+    """Exact tracks of points on the skin from a camera at `eye` (3,)."""
     points = points or choose_points(scene.rig, 60, seed=3)
     rest, deltas = scene.truth.performer.rig.sample(points)
     places = rest + np.tensordot(scene.truth.performer.expand(scene.truth.animation.weights), deltas, axes=1)
-    away = places - eye
-    away /= np.linalg.norm(away, axis=2, keepdims=True)
-    places = places + away * np.random.default_rng(0).normal(scale=deep, size=(*away.shape[:2], 1))
     sight = rest - eye
     axes = np.linalg.svd(sight[:, None])[2][:, 1:]
     names = tuple(f"p{k}" for k in range(len(rest)))
@@ -113,14 +110,16 @@ def test_samples_that_are_something_else_are_left_out_and_markers_never():
 def test_tracks_tell_the_lids_that_no_marker_sees(bare, method):
     ways = {"method": method} | ({"beta": 0.0, "gamma": 1e-9} if method == "paper" else {})
     assert lids_off(bare, solved(bare, **ways)) > 0.5
-    assert lids_off(bare, solved(bare, seen_from(bare, [0, 0, 250]), **ways)) < (1e-5 if method == "paper" else 0.06)
+    assert lids_off(bare, solved(bare, seen_from(bare, [0, 0, 250]), **ways)) < (1e-5 if method == "paper" else 0.12)
 
 
 def test_how_deep_a_track_lies_is_not_believed(bare):
-    exact, deep = (solved(bare, seen_from(bare, [40, 20, 250], deep=d)) for d in (0.0, 0.5))
-    shallow = np.abs(exact.animation.weights - deep.animation.weights)
-    assert shallow.max() < 0.02  # the line of sight turns a little as the point moves
-    assert np.abs(bare.off(exact)).mean() < 0.02
+    tracks = seen_from(bare, [40, 20, 250])
+    away = np.cross(tracks.axes[:, 0], tracks.axes[:, 1])
+    deep = tracks.positions + np.random.default_rng(0).normal(scale=5.0, size=(*tracks.lost.shape, 1)) * away
+    shallow, other = (solved(bare, t).animation.weights for t in (tracks, replace(tracks, positions=deep)))
+    np.testing.assert_allclose(shallow, other, atol=1e-6)
+    assert np.abs(shallow - bare.truth.animation.weights).mean() < 0.02
 
 
 def test_a_solution_with_tracks_speaks_of_its_markers_and_of_its_tracks(bare):

@@ -325,12 +325,12 @@ def test_the_markers_alone_stand_beside_the_hybrid_solve(rig, solution, tmp_path
     assert re.search(r"Frame 2[0-3], ", html) and html.count("<img") == 1  # no other is a second away
     assert "mouthLeft" in html and "mouthRight" not in html  # which did not change
     write_report(tmp_path / "r.html", rig, hybrid, alone=solution, patches=patches)
-    assert "What the patches changed" in (tmp_path / "r.html").read_text(encoding="utf-8")
+    assert "What the paint changed" in (tmp_path / "r.html").read_text(encoding="utf-8")
     blind = replace(solution, unseen={rig.names[0]: 0.5})
     write_report(tmp_path / "told.html", rig, replace(hybrid, unseen={}), alone=blind, patches=patches)
-    assert (tmp_path / "told.html").read_text(encoding="utf-8").count("unseen, told by the patches") == 1
+    assert (tmp_path / "told.html").read_text(encoding="utf-8").count("unseen, told by the paint") == 1
     write_report(tmp_path / "alone.html", rig, hybrid)
-    assert "What the patches changed" not in (tmp_path / "alone.html").read_text(encoding="utf-8")
+    assert "What the paint changed" not in (tmp_path / "alone.html").read_text(encoding="utf-8")
     film = tmp_path / "both.gif"
     short = [Animation(a.weights[:3], a.names, a.rate) for a in (solution.animation, changed)]
     assert write_comparison(film, rig, *short, Film((80, 90), (0.0,))) == 3 and film.stat().st_size > 0

@@ -61,6 +61,8 @@ def sight_lines(pixels: np.ndarray, camera: Camera) -> np.ndarray:
     """Unit vectors (..., 3) from the camera through pixels (..., 2), in the camera's world; NaN where a pixel is."""
     import cv2
 
+    if not pixels.size:
+        return np.empty((*pixels.shape[:-1], 3))
     flat = np.nan_to_num(pixels).reshape(-1, 1, 2)
     slopes = cv2.undistortPoints(flat, camera.intrinsics, camera.distortion)[:, 0]
     ways = np.column_stack([slopes, np.ones(len(slopes))]) @ camera.pose[:3, :3]
