@@ -101,7 +101,8 @@ class _Expected:
         """The corners (F, K, 3, 3) of triangles (K,) in some frames, mm."""
         corners = self.rig.mesh.faces[faces].ravel()
         deltas = self.rig.deltas[:, corners].reshape(len(self.rig.names), -1).astype(np.float64)
-        still = self.rig.mesh.vertices[corners] + (self.weights[frames] @ deltas).reshape(-1, len(corners), 3)
+        weights = self.weights[frames]
+        still = self.rig.mesh.vertices[corners] + (weights @ deltas).reshape(len(weights), len(corners), 3)
         posed = self.binding.to_take(apply(still, self.rotation[frames], self.translation[frames]))
         return posed.reshape(len(posed), len(faces), 3, 3)
 
