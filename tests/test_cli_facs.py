@@ -33,7 +33,8 @@ from blendcap.synthetic.head_camera import film_head, mount_head_camera
 from blendcap.synthetic.makeup import draw_makeup
 from blendcap.synthetic.performer import make_performer
 from blendcap.synthetic.takes import make_take
-from blendcap.view.patches_film import TILE, write_patches_picture
+from blendcap.view.camera_tiles import TILE
+from blendcap.view.patches_film import write_patches_picture
 from toy_makeup import REGION, perform
 
 RATE, SIZE = 15.0, (480, 360)
@@ -73,6 +74,11 @@ def stage(rig, tmp_path_factory) -> Path:
         for shot in film_head(truth, helmet, seed=seed, makeup=makeup):
             write_video(folder / f"{name}.{shot.name}.mp4", shot.frames(), RATE, SIZE, loss=8)
     return folder
+
+
+def staged(films: list, setup: Setup) -> SimpleNamespace:
+    """A stage of ready parts."""
+    return SimpleNamespace(films=films, setup=lambda _: setup)
 
 
 def videos(folder: Path, name: str) -> list[str]:
@@ -121,6 +127,48 @@ def test_curves_from_video_make_the_solve_better(stage, rig, capsys):
     assert errors[1] < 0.5 * errors[0]  # no marker sees the lids
 
 
+@pytest.mark.slow
+def test_paint_that_is_followed_makes_the_solve_better(stage, rig, capsys):
+    """No lesson, no machine: the paint itself, from the command line."""
+    bare, tracks, picture = (str(stage / name) for name in ("still.json", "tracks.npz", "tracks.png"))
+    worn, (_, deltas) = rig.points["markers50"], rig.select(LIDS).sample(rig.points["markers50"])
+    still = [name for name, far in zip(worn.names, np.linalg.norm(deltas, axis=2).max(0), strict=True) if far < 1]
+    Path(bare).write_text(json.dumps({name: f"markers50/{name}" for name in still}), encoding="utf-8")
+    known = ["--rig", str(stage / "rig.glb"), "--correspondences", bare]
+    filmed = [*videos(stage, "test"), "--cameras", str(stage / "cameras.json"), "--take", str(stage / "test.c3d")]
+    capsys.readouterr()
+    assert main(["facs", "track", *filmed, *known, "-o", tracks, "--picture", picture, "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert len(answer["points_per_camera"]) == 4 and min(answer["points_per_camera"]) > 50 and answer["found"] > 0.85
+    with Image.open(picture) as image:
+        assert image.size == (960, 720)
+    solve = ["solve", str(stage / "test.c3d"), *known, "--head", "keep", "--json"]
+    assert main([*solve, "-o", str(stage / "without.npz")]) == 0
+    assert "track_rms_mm" not in json.loads(capsys.readouterr().out)
+    report = str(stage / "tracks.html")
+    assert main([*solve, "--tracks", tracks, "-o", str(stage / "with.npz"), "--report", report]) == 0
+    assert json.loads(capsys.readouterr().out)["track_rms_mm"] < 0.3
+    page = Path(report).read_text(encoding="utf-8")
+    assert "What the paint changed" in page and "RMS of the tracks" in page and "what the patches say" not in page
+    true = blendcap.read_animation(stage / "test.truth.csv").select(LIDS).weights
+    errors = [np.sqrt(((blendcap.read_animation(stage / name).select(LIDS).weights - true) ** 2).mean())
+              for name in ("without.npz", "with.npz")]  # fmt: skip
+    assert errors[1] < 0.5 * errors[0]
+    assert main([*solve, "--tracks", str(stage / "lesson.turns.csv"), "-o", str(stage / "none.npz")]) == 1
+    assert "lesson.turns.csv" in capsys.readouterr().err and not (stage / "none.npz").exists()
+
+
+def test_outputs_of_tracks_are_tried_before_the_work(tmp_path, capsys):
+    needed = [word for option in ("--cameras", "--rig", "--take") for word in (option, "unused")]
+    for words, sentence in (
+        (["-o", str(tmp_path / "t.csv")], "its ending must be one of .npz"),
+        (["-o", str(tmp_path / "t.npz"), "--overlay", str(tmp_path / "t.gif")], "its ending must be one of .mp4"),
+        (["-o", str(tmp_path / "no" / "t.npz")], "does not exist"),
+    ):
+        assert main(["facs", "track", "unused.mp4", *needed, *words]) == 1
+        assert sentence in capsys.readouterr().err
+
+
 @pytest.fixture
 def weak(tmp_path, monkeypatch):
     """Arguments of a prediction from ready patches by a machine that tells a blink as 0.6; the machine, the patches."""
@@ -132,7 +180,7 @@ def weak(tmp_path, monkeypatch):
     model = replace(model, weights=0.6 * model.weights, offsets=0.6 * model.offsets)
     machine = replace(trained, models=[model])
     write_model(tmp_path / "m.npz", KIND, VERSION, *pack(machine))
-    monkeypatch.setattr("blendcap.cli.facs.stage", lambda *_: ([], Setup({}, [], [])))
+    monkeypatch.setattr("blendcap.cli.facs.stage", lambda *_: staged([], Setup({}, [], [])))
     monkeypatch.setattr("blendcap.cli.facs.blocks", lambda *_: iter([lesson]))
     needed = [word for option in ("--cameras", "--rig", "--take") for word in (option, "unused")]
     return ["facs", "predict", "unused.mp4", *needed, "--model", str(tmp_path / "m.npz")], machine, lesson
@@ -162,7 +210,7 @@ def test_options_of_a_prediction_reach_the_curves(weak, tmp_path, capsys):
 
 def test_the_threshold_reaches_the_patches_and_wrong_turns_and_features_do_not(tmp_path, monkeypatch, capsys):
     film = SimpleNamespace(count=3, size=SIZE, rate=RATE, frames=lambda grey: iter([]))
-    monkeypatch.setattr("blendcap.cli.facs.stage", lambda *_: ([film], Setup({}, [np.zeros((0, 2))], [])))
+    monkeypatch.setattr("blendcap.cli.facs.stage", lambda *_: staged([film], Setup({}, [np.zeros((0, 2))], [])))
     (tmp_path / "t.csv").write_text("start,end,unit\n0,0.2,AU4\n", encoding="utf-8")
     (tmp_path / "late.csv").write_text("start,end,unit\n0,3,AU4\n", encoding="utf-8")
     common = [word for option in ("--cameras", "--rig", "--take") for word in (option, "unused")]

@@ -47,7 +47,7 @@ def test_a_window_is_found_on_skin_that_turns_and_stretches_if_it_is_told_how():
     middle = np.array([SIZE / 2, SIZE / 2])
     moved, true = picture(matrix), (PLACES - middle) @ matrix.T + middle
     windows = Windows.cut(picture(), PLACES)
-    told, alike = windows.find(moved, true + [0.8, -0.6], np.tile(matrix, (3, 1, 1)))
+    told, alike = windows.find(moved, true + np.array([0.8, -0.6]), np.tile(matrix, (3, 1, 1)))
     np.testing.assert_allclose(told, true, atol=0.05)
     assert (alike > 0.99).all()
     _, untold = windows.find(moved, true, STILL)
@@ -55,7 +55,7 @@ def test_a_window_is_found_on_skin_that_turns_and_stretches_if_it_is_told_how():
 
 
 def test_along_an_edge_nothing_is_seen_and_nothing_is_made_up():
-    y, x = np.mgrid[:SIZE, :SIZE]
+    _, x = np.mgrid[:SIZE, :SIZE]
     edge = (200 / (1 + np.exp(-(x - 48.0) / 1.5))).astype(np.float32)
     windows = Windows.cut(edge, np.array([[48.0, 48.0]]))
     assert windows.values[0, 1] < 1e-6 * windows.values[0, 0]
@@ -75,7 +75,7 @@ def test_what_does_not_count_does_not_pull():
     counts[:, :, 5:] = True  # from x = 49 on
     told, alike = Windows.cut(before, middle, counts).find(after, middle, STILL[:1])
     whole, _ = Windows.cut(before, middle).find(after, middle, STILL[:1])
-    np.testing.assert_allclose(told, middle + [1.5, 1.0], atol=0.1)
+    np.testing.assert_allclose(told, middle + np.array([1.5, 1.0]), atol=0.1)
     assert alike > 0.98 and np.linalg.norm(whole - middle - [1.5, 1.0]) > 0.3
 
 

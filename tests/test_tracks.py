@@ -117,7 +117,9 @@ def test_how_deep_a_track_lies_is_not_believed(bare):
     tracks = seen_from(bare, [40, 20, 250])
     away = np.cross(tracks.axes[:, 0], tracks.axes[:, 1])
     deep = tracks.positions + np.random.default_rng(0).normal(scale=5.0, size=(*tracks.lost.shape, 1)) * away
-    shallow, other = (solved(bare, t, helmet="none").animation.weights for t in (tracks, replace(tracks, positions=deep)))
+    shallow, other = (
+        solved(bare, t, helmet="none").animation.weights for t in (tracks, replace(tracks, positions=deep))
+    )
     np.testing.assert_allclose(shallow, other, atol=1e-6)
     assert np.abs(shallow - bare.truth.animation.weights).mean() < 0.02
 
