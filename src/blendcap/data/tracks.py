@@ -64,4 +64,4 @@ class PaintTracks:
     @property
     def lost(self) -> np.ndarray:
         """(T, K) bool: where a point was not found again."""
-        return np.isnan(self.positions).any(2)
+        return np.any(np.isnan(self.positions), axis=2)

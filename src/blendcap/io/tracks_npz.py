@@ -34,5 +34,5 @@ def read_tracks(path: str | os.PathLike) -> PaintTracks:
     meta, arrays = read_model(path, KIND, VERSION)
     with reading(path, KIND):
         points = SurfacePoints(tuple(meta["names"]), arrays["faces"], arrays["barycentric"])
-        fields = (arrays[name] for name in ("cameras", "rest", "positions", "axes"))
-        return PaintTracks(points, *fields, float(meta["rate"]))
+        cameras, rest, positions, axes = (arrays[name] for name in ("cameras", "rest", "positions", "axes"))
+        return PaintTracks(points, cameras, rest, positions, axes, float(meta["rate"]))
