@@ -58,4 +58,5 @@ known = f"--rig {out}/rig.glb --correspondences {out}/places.json"
 run(f"solve {out}/lesson.c3d {known} -o {out}/lesson.npz")
 run(f"facs train {stage('lesson')} --turns {out}/lesson.turns.csv --weights {out}/lesson.npz -o {out}/units.npz")
 run(f"facs predict {stage('take')} --model {out}/units.npz -o {out}/curves.csv --picture {out}/look.png")
-run(f"solve {out}/take.c3d {known} --patches {out}/curves.csv -o {out}/animation.csv")
+run(f"facs track {stage('take')} --patches {out}/curves.csv -o {out}/tracks.npz --picture {out}/followed.png")
+run(f"solve {out}/take.c3d {known} --patches {out}/curves.csv --tracks {out}/tracks.npz -o {out}/animation.csv")

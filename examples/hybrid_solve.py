@@ -1,4 +1,4 @@
-"""Markers and makeup patches together: lids without markers, whose blinks the paint tells. Solved with and without.
+"""Markers and paint together: lids without markers, whose blinks the paint tells. Solved with and without.
 
 python examples/hybrid_solve.py [FOLDER]
 """
@@ -39,32 +39,34 @@ markers = points.select(
 
 
 def filmed(repeats: int, seed: int):
-    """A take of blinks, its binding, its patches, what was shown, and the truth."""
+    """A take of blinks, its binding, its films, its patches, what was shown, and the truth."""
     shown = action_units(rig, ["45"], rate=RATE, repeats=repeats, seed=seed)
     take, truth = make_take(performer, shown.animation, markers, seed=seed)
     binding = blendcap.bind(rig, take, markers)
     setup = locate(rig, take, binding, helmet.cameras, [SIZE] * len(helmet.cameras))
-    videos = [shot.frames() for shot in film_head(truth, helmet, seed=seed, makeup=makeup)]
+    videos = [list(shot.frames()) for shot in film_head(truth, helmet, seed=seed, makeup=makeup)]
     eyes = {name: place for name, place in setup.places.items() if name.startswith("eye")}
     patches = extract_patches(videos, eyes, setup.anchors, RATE, dots=setup.dots, dot_radius=3)
     lead = len(take.positions) - len(shown.animation.weights)  # the neutral frames before
     spans = [((start + lead) / RATE, (stop + lead) / RATE, f"AU{unit}") for unit, start, stop, _ in shown.turns]
-    return take, binding, patches, Lesson.of_spans(spans, len(take.positions), RATE), truth
+    return take, binding, videos, patches, Lesson.of_spans(spans, len(take.positions), RATE), truth
 
 
-_, _, lesson_patches, lesson, _ = filmed(repeats=4, seed=1)
+_, _, _, lesson_patches, lesson, _ = filmed(repeats=4, seed=1)
 classifier = blendcap.train_classifier(lesson_patches, lesson)
 print("left out while training:", {model.region.name: model.scores for model in classifier.models})
 
-take, binding, patches, _, truth = filmed(repeats=1, seed=2)
+take, binding, videos, patches, _, truth = filmed(repeats=1, seed=2)
 curves = blendcap.classify(classifier, patches)
 print("trusted to", curves.confidence.mean(0).round(2), curves.names)
 true = truth.animation.select(LIDS).weights
 blink = int(true.sum(1).argmax())
-for name, told in (("markers only", None), ("markers and patches", curves)):
-    solution = blendcap.solve(rig, take, binding, patches=told)
-    lids = solution.animation.select(LIDS).weights
-    write_still(
-        out / f"{name.replace(' ', '_')}.png", rig, solution.animation.weights[blink], size=(450, 380), yaws=(0.0,)
-    )
-    print(f"{name}: blinks off by {np.abs(lids - true).mean():.3f}, marker error {solution.rms_mm:.2f} mm")
+alone, hybrid = (blendcap.solve(rig, take, binding, patches=told) for told in (None, curves))
+tracks = blendcap.track_paint(videos, rig, take, binding, helmet.cameras, hybrid)
+print(f"{len(tracks.rest)} points followed, {1 - tracks.lost.mean():.0%} of the time")
+both = blendcap.solve(rig, take, binding, patches=curves, tracks=tracks)
+for name, solution in (("markers only", alone), ("markers and patches", hybrid), ("and followed paint", both)):
+    weights = solution.animation.weights
+    write_still(out / f"{name.replace(' ', '_')}.png", rig, weights[blink], size=(450, 380), yaws=(0.0,))
+    off = np.abs(solution.animation.select(LIDS).weights - true).mean()
+    print(f"{name}: blinks off by {off:.3f}, marker error {solution.rms_mm:.2f} mm")
