@@ -2,8 +2,8 @@
 
     python benchmarks/hybrid.py [--cache FOLDER] [--faces mannequin ICT] [--parts solve units flaws] [--brief]
 
-Films take most of the time; what was cut from them is kept in the cache folder. `--brief` leaves out of the solves all
-but the default and true weights in place of its curves.
+Films take most of the time; what was cut from them is kept in the cache folder, and of those that are solved all
+frames, 0.5 GB each. `--brief` leaves out of the solves the papers' method and all other layouts of markers.
 """
 
 from __future__ import annotations
@@ -12,48 +12,23 @@ import argparse
 import logging
 import tempfile
 import time
-from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
-import cv2
 import numpy as np
 
-import blendcap
-from blendcap import Animation, SolveSettings
-from blendcap.data.anatomy import is_skin
 from blendcap.makeup.classifier import PatchClassifier
-from blendcap.makeup.curves import _answers, _smoothed, classify
+from blendcap.makeup.curves import _answers, _smoothed
 from blendcap.makeup.training import is_clear, recognized, train_classifier
 from blendcap.makeup.units import PAPER_REGIONS
-from hybrid_counts import blinks, gaps, hits, roughness, shut
-from hybrid_data import PEOPLE, UNITS, Filmed, exercise, extremes, lessons, played, table_for, worn
+from hybrid_counts import hits
+from hybrid_data import PEOPLE, UNITS, exercise, lessons
+from hybrid_solves import BRIEF, FLAW_TEXT, GAINS_TEXT, RUNS, SOLVE_TEXT, failures, hybrid
 from results import write_section
 
-READ = ("brows", "glabella", "lids", "lips")  # the regions that the patches are about
 SQUEEZED = 0.45  # AU6 for AU45 from which on a shut lid is 6+43; lessons have up to 0.22 with 45, from 0.57 with 6+43
 PARTS = ("solve", "units", "flaws")
 NEAR = 0.25  # an intensity that errs by less is right
-MARKERS = {"50": (50, True), "30": (30, True), "100": (100, True), "50, lids too": (50, False)}
-MORE_RUNS = (
-    ("50", "paper", None), ("50", "paper", "svm"), ("50", "paper", "intensity"), ("50", "paper", "truth"),
-    ("50", "learned", "svm"), ("30", "learned", "intensity"), ("100", "learned", None),
-    ("50, lids too", "learned", None), ("50, lids too", "learned", "intensity"),
-)  # fmt: skip
-BRIEF = tuple(("50", "learned", given) for given in (None, "intensity", "truth", "truth, all shapes"))
-RUNS = (*BRIEF, *MORE_RUNS)
-PAIRS = (
-    ("the papers' solve and machine", ("50", "paper", "svm"), ("50", "paper", None)),
-    ("the papers' solve, default machine", ("50", "paper", "intensity"), ("50", "paper", None)),
-    ("the papers' solve, true weights as curves", ("50", "paper", "truth"), ("50", "paper", None)),
-    ("default", ("50", "learned", "intensity"), ("50", "learned", None)),
-    ("true weights as curves", ("50", "learned", "truth"), ("50", "learned", None)),
-    ("true weights of all shapes", ("50", "learned", "truth, all shapes"), ("50", "learned", None)),
-    ("best weights, unsolved", ("", "best", None), ("50", "learned", None)),
-    ("default with 30 against 100 markers alone", ("30", "learned", "intensity"), ("100", "learned", None)),
-    ("default, markers on the lids too", ("50, lids too", "learned", "intensity"), ("50, lids too", "learned", None)),
-)
 
 
 def main() -> None:
@@ -115,42 +90,6 @@ mannequin 5 and ICT 104, who are not tested.
 | face | take | method | laid over | brows | nose | eyes | mouth | level | 45 | 6+43 | worst | frames/s |
 |---|---|---|---|---|---|---|---|---|---|---|---|---|
 """
-SOLVE_TEXT = """A real performance (alex_rom_3) played by performers who are not the rig, and the thesis' two extremes,
-puckered lips that swing from side to side and a frown; noise 0.2 mm, misplacement 1.5 mm, slip 2 mm and 2 degrees,
-5 % occluded; places of the markers as a technician would give them. Markers lie on skin that bears no paint and is no
-lid; "lids too": anywhere on the skin. The solver's rig has the template's shapes, transferred to a neutral that errs
-by 0.5 mm; its answers are judged on the performer's own neutral.
-In the lessons, and only there, markers lie on lids and paint too: their solve gives the intensities to learn.
-Vertex RMSE in mm by region. The classifier was trained on the teacher, the first of each face.
-"closed": precision and recall of frames in which a lid's gap is below 35 % of the way from the rig's own blink to rest,
-counted where the true gap is plainly below (25 %) or above (45 %), and in brackets everywhere. "blinks": the same by
-closings, from the first such frame to the last, each eye its own, and how many there are; one that is told stands
-for one, two frames early or late at most. "truth": the performer's own weights in place of the curves, of the shapes
-that the curves tell: no classifier can tell these weights better. "truth, all shapes": of every shape, of which no
-classifier knows more than a part. "true weights, unsolved": the performer's weights on the solver's shapes: what is
-left is the performer's own way. None of the three is a floor of the error: a performer whose shapes differ from the
-solver's is met better by other weights than the true ones. The floor is "best weights, unsolved", fitted to the true
-skin.
-"roughness": mean squared second difference of the answer to that of the truth, of all shapes but those of the eyes,
-which lie still where nothing sees them, and of all.
-
-| face | performer | markers | method | brows | glabella | lids | lips | elsewhere | closed | blinks | roughness |
-|---|---|---|---|---|---|---|---|---|---|---|---|
-"""
-GAINS_TEXT = """
-
-What the patches change: vertex RMSE of the hybrid solve against the markers alone, the mean over performers. The bar is
--35% in brows, glabella, lids and lips and +3% elsewhere; "true weights as curves" is what a classifier reaches that
-tells the weights as the performer acts them; "best weights" is what is there to be had.
-
-| face | take | | brows | glabella | lids | lips | elsewhere |
-|---|---|---|---|---|---|---|---|
-"""
-FLAW_TEXT = """The teacher's performance, 50 markers, spoilt; vertex RMSE of the whole face, mm.
-
-| face | flaw | markers only | hybrid | ratio |
-|---|---|---|---|---|
-"""
 
 
 def recognition(kind: str, trained: dict[str, PatchClassifier], folder: Path, rows: list[str]) -> None:
@@ -200,114 +139,6 @@ def _recognized(said: np.ndarray, true: np.ndarray) -> str:
     pairs = zip(said.T, true.T, strict=True)
     worst = min(np.corrcoef(ours, theirs)[0, 1] if ours.std() > 0 else 0.0 for ours, theirs in pairs)
     return " | ".join([*cells, f"{min(level):.3f}", *shut, f"{worst:.2f}"])
-
-
-def hybrid(
-    kind: str, trained: dict[str, PatchClassifier], folder: Path, rows: list[str], gains: list[str], chosen
-) -> None:  # fmt: skip
-    """Marker-only against hybrid on the same markers; and hybrid with 30 against marker-only with 100."""
-    films = (("performance", played, chosen), ("extremes", extremes, BRIEF))
-    for title, film, runs in films[:1] if chosen is BRIEF else films:
-        errors: dict[tuple, list] = defaultdict(list)
-        for person in PEOPLE[kind]:
-            filmed = film(kind, person, folder)
-            curves = {method: curves_of(filmed, classifier) for method, classifier in trained.items()}
-            curves["truth"] = _truth(filmed, curves["intensity"].names)
-            curves["truth, all shapes"] = _truth(filmed, filmed.truth.animation.names)
-            for run in runs:
-                layout, method, given = run
-                take, truth, binding = worn(filmed, *MARKERS[layout])
-                settings = SolveSettings(method=method, head="keep")
-                answer = blendcap.solve(filmed.rig, take, binding, patches=curves.get(given or ""), settings=settings)
-                cells, numbers = _judged(filmed, truth, answer.animation)
-                errors[run].append(numbers)
-                way = f"{method}, " + ("markers only" if given is None else f"hybrid, {given}")
-                rows.append(f"| {kind} | {person}, {title} | {layout} | {way} | {cells} |")
-                print(rows[-1], flush=True)
-            for way, weights in (("true", filmed.truth.animation), ("best", _best(filmed))):
-                cells, numbers = _judged(filmed, filmed.truth, weights)
-                errors["", way, None].append(numbers)
-                rows.append(f"| {kind} | {person}, {title} | | {way} weights, unsolved | {cells} |")
-        for label, ours, theirs in PAIRS:
-            if ours in errors:
-                change = np.mean(np.divide(errors[ours], errors[theirs]), axis=0) - 1
-                gains.append(f"| {kind} | {title} | {label} | " + " | ".join(f"{c:+.0%}" for c in change) + " |")
-                print(gains[-1], flush=True)
-
-
-def curves_of(filmed: Filmed, classifier: PatchClassifier) -> Animation:
-    return classify(classifier, filmed.patches, table=table_for(filmed.rig))
-
-
-def _truth(filmed: Filmed, names: Sequence[str]) -> Animation:
-    """The curves as they should have been, fully trusted."""
-    true = filmed.truth.animation.select(names)
-    return replace(true, confidence=np.ones_like(true.weights))
-
-
-def _best(filmed: Filmed) -> Animation:
-    """The solver's weights that come closest to the true skin, which nobody knows: the floor of every solve."""
-    truth, rig = filmed.truth, filmed.judge
-    acted = truth.performer.act(truth.animation)
-    skin = np.unique(np.concatenate([v for name, v in rig.regions.items() if is_skin(name)]))
-    shapes = rig.deltas[:, skin].reshape(len(rig.names), -1).astype(np.float64)
-    own = truth.performer.rig.deltas[:, skin].reshape(-1, shapes.shape[1]).astype(np.float64)
-    weights, _ = blendcap.solve_box(shapes @ shapes.T, -acted.weights @ (own @ shapes.T))
-    return Animation(weights, rig.names, acted.rate)
-
-
-def _judged(filmed: Filmed, truth, answer: Animation) -> tuple[str, list[float]]:
-    """Cells of a row, and the errors of the regions that the patches are about and of all others, mm."""
-    true = truth.performer.act(truth.animation)
-    judged = blendcap.evaluate(answer, true, filmed.judge, truth_rig=truth.performer.rig)
-    regions = judged.by_region_mm
-    others = [error for name, error in regions.items() if is_skin(name) and name not in (*READ, "upper", "lower")]
-    numbers = [regions[name] for name in READ] + [float(np.mean(others))]
-    said, asked = gaps(filmed.judge, answer), gaps(truth.performer.rig, true)
-    still = [name for name in answer.names if not name.startswith("eye")]
-    rough = roughness(answer.select(still)) / roughness(truth.animation.select(still))
-    cells = [*(f"{n:.2f}" for n in numbers), shut(said, asked), blinks(said, asked)]
-    return " | ".join([*cells, f"{rough:.2f}, {judged.roughness_ratio:.2f}"]), numbers
-
-
-def failures(kind: str, trained: dict[str, PatchClassifier], folder: Path, rows: list[str]) -> None:
-    """Spoilt films: the hybrid must never be much worse than the markers alone."""
-    teacher = PEOPLE[kind][0]
-    for flaw, spoil, bump in (
-        ("none", None, 0.0),
-        ("paint smeared over the right eye and brow", _smeared, 0.0),
-        ("camera 0 black for 2 s", _black, 0.0),
-        ("brightness halved from the middle on", _dim, 0.0),
-        ("helmet bumped by 5 mm", None, 5.0),
-    ):
-        label = "" if flaw == "none" else "-" + flaw.split()[0]
-        scene = played(kind, teacher, folder, spoil, label, bump)
-        curves = curves_of(scene, trained["intensity"])
-        errors = []
-        for patches in (None, curves):
-            settings = SolveSettings(head="keep")
-            answer = blendcap.solve(scene.rig, scene.take, scene.binding, patches=patches, settings=settings).animation
-            performer = scene.truth.performer
-            true = performer.act(scene.truth.animation)
-            errors.append(blendcap.evaluate(answer, true, scene.judge, truth_rig=performer.rig).vertex_rmse_mm)
-        rows.append(f"| {kind} | {flaw} | {errors[0]:.3f} | {errors[1]:.3f} | {errors[1] / errors[0]:.2f} |")
-        print(rows[-1], flush=True)
-
-
-def _smeared(view: int, number: int, picture: np.ndarray) -> np.ndarray:
-    if view != 0 or number < 120:
-        return picture
-    soft = picture.copy()
-    soft[: picture.shape[0] // 2] = cv2.GaussianBlur(picture, (0, 0), 9.0)[: picture.shape[0] // 2]
-    return soft
-
-
-def _black(view: int, number: int, picture: np.ndarray) -> np.ndarray:
-    return np.zeros_like(picture) if view == 0 and 120 <= number < 180 else picture
-
-
-def _dim(view: int, number: int, picture: np.ndarray) -> np.ndarray:
-    return picture // 2 if number > 200 else picture
 
 
 if __name__ == "__main__":

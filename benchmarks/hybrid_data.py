@@ -11,9 +11,10 @@ lessons have markers on lids and paint too, once: their solve gives the intensit
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterable, Sequence
+import os
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +23,7 @@ from scipy.spatial import cKDTree
 
 import blendcap
 from accuracy_data import DATA, MM, performance
-from blendcap import Animation, Binding, MarkerTake, Rig, SolveSettings, SurfacePoints
+from blendcap import Animation, Binding, Camera, MarkerTake, Rig, SolveSettings, SurfacePoints
 from blendcap.data import landmarks68
 from blendcap.data.names import match
 from blendcap.makeup.lesson import Lesson
@@ -86,9 +87,12 @@ def _regions(rig: Rig) -> dict[str, np.ndarray]:
     return {name: skin[(labels[nearest] == k) & (far < REACH)] for k, name in enumerate(SKIN)}
 
 
+Spoil = Callable[[int, int, np.ndarray], np.ndarray]  # camera, frame number, picture
+
+
 @dataclass(frozen=True)
 class Filmed:
-    """A take, its truth, and the patches that four head cameras saw of it."""
+    """A take, its truth, and what four head cameras saw of it."""
 
     rig: Rig  # the solver's
     own: Rig  # the performer's face, on which markers are placed
@@ -99,21 +103,28 @@ class Filmed:
     patches: Patches
     makeup: Sequence[Stroke]
     seed: int
+    cameras: Sequence[Camera]
+    frames: np.ndarray | None  # (C, T, H, W) uint8 on disk, as they were before they were spoilt; None if not kept
+    spoil: Spoil | None
 
     @property
     def judge(self) -> Rig:
         """The solver's shapes on the performer's own neutral: the scan's error is not charged to the solve."""
         return replace(self.rig, mesh=self.own.mesh)
 
-
-Spoil = Callable[[int, int, np.ndarray], np.ndarray]  # camera, frame number, picture
+    def videos(self) -> list[Iterator[np.ndarray]]:
+        """The kept frames, camera by camera."""
+        return _spoilt(self.frames, self.spoil)
 
 
 def film(
-    kind: str, person: int, animation: Animation, seed: int, cache_folder: Path, name: str,
-    spoil: Spoil | None = None, bump: float = 0.0, spread: bool = False,
+    kind: str, person: int, animation: Animation, seed: int, cache_folder: Path, name: str, *,
+    flaw: str = "", spoil: Spoil | None = None, bump: float = 0.0, spread: bool = False, keep: bool = False,
 ) -> Filmed:  # fmt: skip
-    """Film a performer with four head cameras and cut the patches; what was cut is kept in a folder."""
+    """Film a performer with four head cameras and cut the patches; what was cut is kept, and if asked for the frames.
+
+    Whoever spoils a film keeps its frames.
+    """
     own, rig = face(kind, person), given(kind, person)
     performer = make_performer(own, seed=person)
     makeup = draw_makeup(performer.rig, seed=seed)
@@ -122,20 +133,19 @@ def film(
     if bump:
         take, truth = _bumped(take, truth, bump)
     binding = blendcap.bind(rig, take, points)
-    key = _key(performer.rig, take, animation, makeup)
-    path = cache_folder / f"{name}-{key}.npz"
+    key, helmet = _key(performer.rig, take, animation, makeup), mount_head_camera(performer.rig, seed=seed)
+    shoot = partial(film_head, truth, helmet, seed=seed, makeup=makeup)
+    frames = _kept(cache_folder / f"{name}-{key}.frames.npy", shoot) if keep else None
+    path = cache_folder / f"{name}{flaw}-{key}.npz"
     if not path.exists():
-        helmet = mount_head_camera(performer.rig, seed=seed)
-        shots = film_head(truth, helmet, seed=seed, makeup=makeup)
-        setup = locate(rig, take, binding, helmet.cameras, [helmet.size] * len(shots))
-        reel = [shot.frames() for shot in shots] if spoil is None else _reel(key, shots)
-        videos = [_spoilt(view, frames, spoil) for view, frames in enumerate(reel)]
+        setup = locate(rig, take, binding, helmet.cameras, [helmet.size] * len(helmet.cameras))
+        videos = [shot.frames() for shot in shoot()] if frames is None else _spoilt(frames, spoil)
         cut = extract_patches(videos, setup.places, setup.anchors, take.rate, dots=setup.dots, dot_radius=6.0)
         np.savez_compressed(path, sure=cut.sure, **cut.images)
     with np.load(path, allow_pickle=False) as file:
         images = {key: file[key] for key in file.files if key != "sure"}
         patches = Patches(images, take.rate, file["sure"], {key: frames[0] for key, frames in images.items()})
-    return Filmed(rig, own, animation, take, truth, binding, patches, makeup, seed)
+    return Filmed(rig, own, animation, take, truth, binding, patches, makeup, seed, helmet.cameras, frames, spoil)
 
 
 def _key(rig: Rig, take: MarkerTake, animation: Animation, makeup: Sequence[Stroke]) -> str:
@@ -144,15 +154,19 @@ def _key(rig: Rig, take: MarkerTake, animation: Animation, makeup: Sequence[Stro
     return hashlib.sha256(b"".join(np.ascontiguousarray(part).tobytes() for part in parts)).hexdigest()[:12]
 
 
-_KEPT: dict[str, list[list[np.ndarray]]] = {}
-
-
-def _reel(key: str, shots: Sequence[Shot]) -> list[list[np.ndarray]]:
-    """All frames of a film, kept until another is asked for: it is spoilt in several ways."""
-    if key not in _KEPT:
-        _KEPT.clear()
-        _KEPT[key] = [list(shot.frames()) for shot in shots]
-    return _KEPT[key]
+def _kept(path: Path, shoot: Callable[[], Sequence[Shot]]) -> np.ndarray:
+    """All frames (C, T, H, W) of a film, made once and read from disk."""
+    if not path.exists():
+        shots = shoot()
+        part, (width, height) = path.with_name(f"{path.name}.{os.getpid()}"), shots[0].size
+        shape = (len(shots), shots[0].count, height, width)
+        kept = np.lib.format.open_memmap(part, mode="w+", dtype=np.uint8, shape=shape)
+        for view, shot in enumerate(shots):
+            for number, frame in enumerate(shot.frames()):
+                kept[view, number] = frame
+        del kept  # written
+        part.rename(path)
+    return np.load(path, mmap_mode="r")
 
 
 def between(rig: Rig, makeup: Sequence[Stroke], count: int, seed: int) -> SurfacePoints:
@@ -164,9 +178,14 @@ def between(rig: Rig, makeup: Sequence[Stroke], count: int, seed: int) -> Surfac
     return choose_points(replace(rig, regions=free), count, seed=seed)
 
 
-def _spoilt(view: int, frames: Iterable[np.ndarray], spoil: Spoil | None):
-    for number, frame in enumerate(frames):
-        yield frame if spoil is None else spoil(view, number, frame)
+def _spoilt(frames: np.ndarray, spoil: Spoil | None) -> list[Iterator[np.ndarray]]:
+    """The frames (C, T, H, W), camera by camera, each spoilt when it is read."""
+
+    def of_view(view: int) -> Iterator[np.ndarray]:
+        for number, frame in enumerate(frames[view]):
+            yield frame if spoil is None else spoil(view, number, frame)
+
+    return [of_view(view) for view in range(len(frames))]
 
 
 def _bumped(take: MarkerTake, truth: Truth, size: float) -> tuple[MarkerTake, Truth]:
@@ -211,7 +230,7 @@ def extremes(kind: str, person: int, cache_folder: Path) -> Filmed:
     rig = face(kind, person)
     swing, down = lip_swing(rig, RATE), frown(rig, RATE)
     acted = Animation(np.concatenate([swing.weights, down.weights]), swing.names, RATE)
-    return film(kind, person, acted, 300 + person, cache_folder, f"{kind}-{person}-extremes")
+    return film(kind, person, acted, 300 + person, cache_folder, f"{kind}-{person}-extremes", keep=True)
 
 
 def worn(filmed: Filmed, count: int, between_paint: bool) -> tuple[MarkerTake, Truth, Binding]:
@@ -240,7 +259,8 @@ def played(
     rig = face(kind, person)
     recording, first, last = PLAYED[kind]
     acted = performance(recording, rig, first, last) if kind == "ICT" else _on_mannequin(recording, rig, first, last)
-    return film(kind, person, acted, 500 + person, cache_folder, f"{kind}-{person}-played{flaw}", spoil, bump)
+    name = f"{kind}-{person}-played"
+    return film(kind, person, acted, 500 + person, cache_folder, name, flaw=flaw, spoil=spoil, bump=bump, keep=True)
 
 
 def _on_mannequin(recording: str, rig: Rig, first: int, last: int) -> Animation:

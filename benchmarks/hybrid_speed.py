@@ -1,4 +1,4 @@
-"""How fast makeup patches become curves, how long a machine is taught, and what memory it takes.
+"""How fast makeup patches become curves and paint is followed, how long a machine is taught, and what memory it takes.
 
     python benchmarks/hybrid_speed.py [--cache FOLDER]
 
@@ -14,18 +14,21 @@ import resource
 import tempfile
 import time
 import tracemalloc
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 import blendcap
-from blendcap import Animation
+from blendcap import Animation, Binding, Camera, MarkerTake, Rig, SolveSettings
+from blendcap.makeup.classifier import PatchClassifier
 from blendcap.makeup.curves import classify
 from blendcap.makeup.lesson import Lesson
 from blendcap.makeup.patches import Patches, each_block
-from blendcap.makeup.setup import locate
+from blendcap.makeup.setup import Setup, locate
 from blendcap.makeup.training import train_classifier
 from blendcap.synthetic.exercises import action_units
 from blendcap.synthetic.head_camera import film_head, mount_head_camera
@@ -36,6 +39,7 @@ from hybrid_data import RATE, between, face, given, lessons
 from results import write_section
 
 PERSON, MARKERS, ROUNDS = 5, 50, 3
+FILMED = 40  # frames
 SHORT, LONG = 1200, 4800  # frames
 TAUGHT = 3 * 60 * RATE  # frames of lessons
 
@@ -51,38 +55,39 @@ def main() -> None:
     start = time.process_time()
     classifier = train_classifier(*long_lessons)
     training, frames = time.process_time() - start, sum(len(part.sure) for part in long_lessons[0])
-    shots, setup, dots = _filmed()
     rows = [f"| teach on {frames:,} frames, {frames / RATE / 60:.1f} minutes | {training:.0f} s of processor time |"]
     rows.append(f"| peak memory of teaching | {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MB |")
-
-    def told(count: int) -> None:
-        videos = [itertools.islice(itertools.cycle(frames), count) for frames in shots]
-        seen = [np.resize(of_view, (count, *of_view.shape[1:])) for of_view in dots]
-        blocks = each_block(videos, setup.places, setup.anchors, RATE, dots=seen, dot_radius=6.0)
-        classify(classifier, blocks)
-
-    rates, memory = [], {}
-    for _ in range(ROUNDS):
-        start = time.process_time()
-        told(SHORT)
-        rates.append(SHORT / (time.process_time() - start))
-    for count in (SHORT, LONG):
-        tracemalloc.start()
-        told(count)
-        memory[count] = tracemalloc.get_traced_memory()[1] / 1e6
-        tracemalloc.stop()
-    rows += [
-        f"| patches of {len(shots)} cameras of 640x480 to curves | {np.median(rates):.0f} frames a second of processor "
-        f"time ({min(rates):.0f} to {max(rates):.0f}) |",
-        f"| peak of what Python and NumPy take for {SHORT:,} frames | {memory[SHORT]:.0f} MB |",
-        f"| the same for {LONG:,} frames | {memory[LONG]:.0f} MB |",
-    ]
+    scene = _filmed()
+    cameras = f"{len(scene.shots)} cameras of 640x480"
+    rows += _measured(f"patches of {cameras} to curves", partial(_telling, scene, classifier))
+    rows += _measured(f"paint before {cameras} to tracks", partial(_following, scene))
     write_section("Speed of makeup patches", "python benchmarks/hybrid_speed.py", TEXT + "\n".join(rows))
 
 
-TEXT = """One thread. Cutting is counted, decoding of video is not: frames lie in memory, forty filmed ones again and
-again. The bars: 60 frames a second, three minutes of lessons taught in three minutes, memory that does not grow with
-the take.
+def _measured(what: str, prepare: Callable[[int], Callable[[], object]]) -> list[str]:
+    """Rows: frames a second of what is prepared for so many frames, and its peak of memory."""
+    work, rates = {count: prepare(count) for count in (SHORT, LONG)}, []
+    for _ in range(ROUNDS):
+        clocks = time.process_time(), time.perf_counter()
+        work[SHORT]()
+        rates.append((SHORT / (time.process_time() - clocks[0]), SHORT / (time.perf_counter() - clocks[1])))
+    rows = []
+    for way, told in zip(("processor", "wall"), np.transpose(rates), strict=True):
+        spread = f"({min(told):.0f} to {max(told):.0f})"
+        rows.append(f"| {what} | {np.median(told):.0f} frames a second of {way} time {spread} |")
+    for count in (SHORT, LONG):
+        tracemalloc.start()
+        work[count]()
+        peak = tracemalloc.get_traced_memory()[1] / 1e6
+        tracemalloc.stop()
+        rows.append(f"| the same, peak of what Python and NumPy take for {count:,} frames | {peak:.0f} MB |")
+    return rows
+
+
+TEXT = """Patches and lessons take one thread, paint one a camera, on two cores. Cutting is counted; decoding of video
+and the solve that says where paint is sought are not. Frames lie in memory, forty filmed ones again and again. The
+bars: 60 frames a second, three minutes of lessons taught in three minutes, memory that does not grow with the take.
+Tracks do grow: every point's place in every frame is what is asked for.
 
 | what | how much |
 |---|---|
@@ -108,8 +113,18 @@ def _tiled(weights: Animation, times: int) -> dict[str, np.ndarray | None]:
     return tiled | {"times": None}
 
 
-def _filmed() -> tuple[list[list[np.ndarray]], object, list[np.ndarray]]:
-    """Forty frames of four head cameras, where things are in them, and the dots."""
+class _Scene(NamedTuple):
+    """Forty frames of four head cameras, their markers, and where things are in them."""
+
+    shots: list[list[np.ndarray]]
+    setup: Setup
+    rig: Rig
+    take: MarkerTake
+    binding: Binding
+    cameras: Sequence[Camera]
+
+
+def _filmed() -> _Scene:
     own, rig = face("mannequin", PERSON), given("mannequin", PERSON)
     performer = make_performer(own, seed=PERSON)
     makeup = draw_makeup(performer.rig, seed=PERSON)
@@ -117,13 +132,37 @@ def _filmed() -> tuple[list[list[np.ndarray]], object, list[np.ndarray]]:
     shown = action_units(own, ["45"], rate=RATE, repeats=1, seed=PERSON).animation
     take, truth = make_take(performer, shown, points, seed=PERSON)
     helmet = mount_head_camera(performer.rig, seed=PERSON)
-    shots = [list(_first(shot.frames())) for shot in film_head(truth, helmet, seed=PERSON, makeup=makeup)]
-    setup = locate(rig, take, blendcap.bind(rig, take, points), helmet.cameras, [helmet.size] * len(shots))
-    return shots, setup, [of_view[: len(shots[0])] for of_view in setup.dots]
+    shots = [
+        list(itertools.islice(shot.frames(), FILMED)) for shot in film_head(truth, helmet, seed=PERSON, makeup=makeup)
+    ]
+    binding = blendcap.bind(rig, take, points)
+    setup = locate(rig, take, binding, helmet.cameras, [helmet.size] * len(shots))
+    return _Scene(shots, setup, rig, take, binding, helmet.cameras)
 
 
-def _first(frames: Iterator[np.ndarray]) -> Iterator[np.ndarray]:
-    return itertools.islice(iter(frames), 40)
+def _again(shots: list[list[np.ndarray]], count: int) -> list[Iterator[np.ndarray]]:
+    return [itertools.islice(itertools.cycle(frames), count) for frames in shots]
+
+
+def _telling(scene: _Scene, classifier: PatchClassifier, count: int) -> Callable[[], object]:
+    """Curves of so many frames, from their pictures."""
+    dots = [np.resize(of_view[:FILMED], (count, *of_view.shape[1:])) for of_view in scene.setup.dots]
+
+    def work() -> Animation:
+        videos, setup = _again(scene.shots, count), scene.setup
+        return classify(classifier, each_block(videos, setup.places, setup.anchors, RATE, dots=dots, dot_radius=6.0))
+
+    return work
+
+
+def _following(scene: _Scene, count: int) -> Callable[[], object]:
+    """Tracks of so many frames, from their pictures and a solve."""
+    positions = scene.take.positions[:FILMED]
+    take = replace(scene.take, positions=np.resize(positions, (count, *positions.shape[1:])), residuals=None)
+    first = blendcap.solve(scene.rig, take, scene.binding, settings=SolveSettings(head="keep"))
+    return lambda: blendcap.track_paint(
+        _again(scene.shots, count), scene.rig, take, scene.binding, scene.cameras, first
+    )
 
 
 if __name__ == "__main__":

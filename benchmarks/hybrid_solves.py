@@ -1,0 +1,242 @@
+"""What makeup patches add to the marker solve, on films as they are and on spoilt ones, for `hybrid.py`."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+import blendcap
+from blendcap import Animation, Binding, MarkerTake, PaintTracks, SolveSettings, SurfacePoints
+from blendcap.data.anatomy import is_skin
+from blendcap.makeup.classifier import PatchClassifier
+from blendcap.makeup.curves import classify
+from hybrid_counts import blinks, gaps, roughness, shut
+from hybrid_data import PEOPLE, Filmed, extremes, played, table_for, worn
+
+READ = ("brows", "glabella", "lids", "lips")  # the regions that the patches are about
+MARKERS = {"50": (50, True), "30": (30, True), "100": (100, True), "50, lids too": (50, False)}
+DOT = 6.0  # mm from the middle of a marker's dot to the middle of a window that shows none of it, at least
+WAYS = {  # name: whose curves, and whether the paint is followed
+    "markers only": ("", False),
+    "curves": ("intensity", False),
+    "tracks": ("", True),
+    "curves and tracks": ("intensity", True),
+    "curves of the SVM": ("svm", False),
+    "true curves": ("truth", False),
+    "true curves of all shapes": ("truth, all shapes", False),
+}
+FLAWED = ("markers only", "curves", "tracks", "curves and tracks")
+BRIEF = tuple(("50", "learned", way) for way in WAYS if way != "curves of the SVM")
+RUNS = (
+    *BRIEF,
+    ("50", "learned", "curves of the SVM"),
+    *(("50", "paper", way) for way in ("markers only", "curves of the SVM", "curves", "true curves")),
+    *((layout, "learned", way) for layout in list(MARKERS)[1:] for way in ("markers only", "curves and tracks")),
+)
+PAIRS = (
+    ("curves (the papers' idea)", ("50", "learned", "curves"), ("50", "learned", "markers only")),
+    ("tracks (no lesson)", ("50", "learned", "tracks"), ("50", "learned", "markers only")),
+    ("curves and tracks, the default", ("50", "learned", "curves and tracks"), ("50", "learned", "markers only")),
+    ("true weights as curves", ("50", "learned", "true curves"), ("50", "learned", "markers only")),
+    ("true weights of all shapes as curves", ("50", "learned", "true curves of all shapes"),
+     ("50", "learned", "markers only")),
+    ("best weights, unsolved", ("", "best", ""), ("50", "learned", "markers only")),
+    ("the papers' solve and machine", ("50", "paper", "curves of the SVM"), ("50", "paper", "markers only")),
+    ("the papers' solve, default machine", ("50", "paper", "curves"), ("50", "paper", "markers only")),
+    ("the papers' solve, true weights as curves", ("50", "paper", "true curves"), ("50", "paper", "markers only")),
+    ("the papers' machine", ("50", "learned", "curves of the SVM"), ("50", "learned", "markers only")),
+    ("default, 30 markers", ("30", "learned", "curves and tracks"), ("30", "learned", "markers only")),
+    ("default, 100 markers", ("100", "learned", "curves and tracks"), ("100", "learned", "markers only")),
+    ("default with 30 against 100 markers alone", ("30", "learned", "curves and tracks"),
+     ("100", "learned", "markers only")),
+    ("default, markers on the lids too", ("50, lids too", "learned", "curves and tracks"),
+     ("50, lids too", "learned", "markers only")),
+)  # fmt: skip
+
+SOLVE_TEXT = """A real performance (alex_rom_3) played by performers who are not the rig, and the thesis' two extremes,
+puckered lips that swing from side to side and a frown; noise 0.2 mm, misplacement 1.5 mm, slip 2 mm and 2 degrees,
+5 % occluded; places of the markers as a technician would give them. Markers lie on skin that bears no paint and is no
+lid; "lids too": anywhere on the skin. The solver's rig has the template's shapes, transferred to a neutral that errs
+by 0.5 mm; its answers are judged on the performer's own neutral.
+"curves": the papers' idea, a classifier reads from the patches which action units they show. It was trained on the
+teacher, the first of each face; in the lessons, and only there, markers lie on lids and paint too: their solve gives
+the intensities to learn. "tracks": no lesson; the paint, and all else on the skin that has contrast, is followed
+through the film from where the markers' own solve puts it, and a second solve takes the tracks as rows. "curves and
+tracks": the default hybrid; the first solve has the curves, the second both. The film shows the dots of the layout
+"50", which are followed like all else; for other layouts tracks near these dots are left out.
+Vertex RMSE in mm by region.
+"closed": precision and recall of frames in which a lid's gap is below 35 % of the way from the rig's own blink to rest,
+counted where the true gap is plainly below (25 %) or above (45 %), and in brackets everywhere. "blinks": the same by
+closings, from the first such frame to the last, each eye its own, and how many there are; one that is told stands
+for one, two frames early or late at most. "true curves": the performer's own weights in place of the curves, of the
+shapes that the curves tell: no classifier can tell these weights better; no tracks. "true curves of all shapes": of
+every shape, of which no classifier knows more than a part. "true weights, unsolved": the performer's weights on the
+solver's shapes: what is left is the performer's own way. None of the three is a floor of the error: a performer whose
+shapes differ from the solver's is met better by other weights than the true ones. The floor is "best weights,
+unsolved", fitted to the true skin.
+"roughness": mean squared second difference of the answer to that of the truth, of all shapes but those of the eyes,
+which lie still where nothing sees them, and of all.
+
+| face | performer | markers | method | brows | glabella | lids | lips | elsewhere | closed | blinks | roughness |
+|---|---|---|---|---|---|---|---|---|---|---|---|
+"""
+GAINS_TEXT = """
+
+What the patches change: vertex RMSE of the hybrid solve against the markers alone, the mean over performers. The bar is
+-35% in brows, glabella, lids and lips and +3% elsewhere; "true weights as curves" is what a classifier reaches that
+tells the weights as the performer acts them; "best weights" is what is there to be had.
+
+| face | take | | brows | glabella | lids | lips | elsewhere |
+|---|---|---|---|---|---|---|---|
+"""
+FLAW_TEXT = """The teacher's performance, 50 markers, spoilt; vertex RMSE of the whole face, mm, and the ratio of the
+default hybrid, curves and tracks, to markers only. The bar is 1.05.
+
+| face | flaw | markers only | curves | tracks | curves and tracks | ratio |
+|---|---|---|---|---|---|---|
+"""
+
+
+def hybrid(
+    kind: str, trained: dict[str, PatchClassifier], folder: Path, rows: list[str], gains: list[str],
+    chosen: Sequence[tuple[str, str, str]],
+) -> None:  # fmt: skip
+    """Marker-only against hybrid on the same markers; and hybrid with 30 against marker-only with 100."""
+    films = (("performance", played, chosen), ("extremes", extremes, BRIEF))
+    for title, film, runs in films[:1] if chosen is BRIEF else films:
+        errors: dict[tuple, list] = defaultdict(list)
+        for person in PEOPLE[kind]:
+            filmed = film(kind, person, folder)
+            curves = {"": None} | {method: curves_of(filmed, machine) for method, machine in trained.items()}
+            curves["truth"] = _truth(filmed, curves["intensity"].names)
+            curves["truth, all shapes"] = _truth(filmed, filmed.truth.animation.names)
+            for layout, method, way in runs:
+                whose, followed = WAYS[way]
+                take, truth, binding = worn(filmed, *MARKERS[layout])
+                answer = solved(filmed, take, binding, curves[whose], followed, method)
+                cells, numbers = _judged(filmed, truth, answer)
+                errors[layout, method, way].append(numbers)
+                rows.append(f"| {kind} | {person}, {title} | {layout} | {method}, {way} | {cells} |")
+                print(rows[-1], flush=True)
+            for way, weights in (("true", filmed.truth.animation), ("best", _best(filmed))):
+                cells, numbers = _judged(filmed, filmed.truth, weights)
+                errors["", way, ""].append(numbers)
+                rows.append(f"| {kind} | {person}, {title} | | {way} weights, unsolved | {cells} |")
+        gains += _gains(kind, title, errors)
+
+
+def _gains(kind: str, title: str, errors: dict[tuple, list]) -> list[str]:
+    """Rows of what one way changes against another, of those that were run."""
+    rows = []
+    for label, ours, theirs in PAIRS:
+        if ours in errors:
+            change = np.mean(np.divide(errors[ours], errors[theirs]), axis=0) - 1
+            rows.append(f"| {kind} | {title} | {label} | " + " | ".join(f"{c:+.0%}" for c in change) + " |")
+            print(rows[-1], flush=True)
+    return rows
+
+
+def solved(
+    filmed: Filmed, take: MarkerTake, binding: Binding, curves: Animation | None, followed: bool,
+    method: str = "learned",
+) -> Animation:  # fmt: skip
+    """Weights by markers, curves if there are any, and paint if it is followed, from where a solve without puts it."""
+    settings = SolveSettings(method=method, head="keep")
+    answer = blendcap.solve(filmed.rig, take, binding, patches=curves, settings=settings)
+    if followed:
+        tracks = blendcap.track_paint(filmed.videos(), filmed.rig, take, binding, filmed.cameras, answer)
+        if take is not filmed.take:
+            tracks = _without_dots(tracks, filmed)
+        answer = blendcap.solve(filmed.rig, take, binding, patches=curves, tracks=tracks, settings=settings)
+    return answer.animation
+
+
+def _without_dots(tracks: PaintTracks, filmed: Filmed) -> PaintTracks:
+    """The tracks whose windows show no marker's dot: the film shows those of another layout."""
+    dots = filmed.truth.positions[0]
+    apart = np.linalg.norm(tracks.rest[:, None] - dots, axis=2).min(1)
+    kept = np.flatnonzero(apart > DOT)
+    points = SurfacePoints(
+        tuple(tracks.points.names[k] for k in kept), tracks.points.faces[kept], tracks.points.barycentric[kept]
+    )
+    parts = {name: getattr(tracks, name)[kept] for name in ("cameras", "rest", "axes")}
+    return replace(tracks, points=points, positions=tracks.positions[:, kept], **parts)
+
+
+def curves_of(filmed: Filmed, classifier: PatchClassifier) -> Animation:
+    return classify(classifier, filmed.patches, table=table_for(filmed.rig))
+
+
+def _truth(filmed: Filmed, names: Sequence[str]) -> Animation:
+    """The curves as they should have been, fully trusted."""
+    true = filmed.truth.animation.select(names)
+    return replace(true, confidence=np.ones_like(true.weights))
+
+
+def _best(filmed: Filmed) -> Animation:
+    """The solver's weights that come closest to the true skin, which nobody knows: the floor of every solve."""
+    truth, rig = filmed.truth, filmed.judge
+    acted = truth.performer.act(truth.animation)
+    skin = np.unique(np.concatenate([v for name, v in rig.regions.items() if is_skin(name)]))
+    shapes = rig.deltas[:, skin].reshape(len(rig.names), -1).astype(np.float64)
+    own = truth.performer.rig.deltas[:, skin].reshape(-1, shapes.shape[1]).astype(np.float64)
+    weights, _ = blendcap.solve_box(shapes @ shapes.T, -acted.weights @ (own @ shapes.T))
+    return Animation(weights, rig.names, acted.rate)
+
+
+def _judged(filmed: Filmed, truth, answer: Animation) -> tuple[str, list[float]]:
+    """Cells of a row, and the errors of the regions that the patches are about and of all others, mm."""
+    true = truth.performer.act(truth.animation)
+    judged = blendcap.evaluate(answer, true, filmed.judge, truth_rig=truth.performer.rig)
+    regions = judged.by_region_mm
+    others = [error for name, error in regions.items() if is_skin(name) and name not in (*READ, "upper", "lower")]
+    numbers = [regions[name] for name in READ] + [float(np.mean(others))]
+    said, asked = gaps(filmed.judge, answer), gaps(truth.performer.rig, true)
+    still = [name for name in answer.names if not name.startswith("eye")]
+    rough = roughness(answer.select(still)) / roughness(truth.animation.select(still))
+    cells = [*(f"{n:.2f}" for n in numbers), shut(said, asked), blinks(said, asked)]
+    return " | ".join([*cells, f"{rough:.2f}, {judged.roughness_ratio:.2f}"]), numbers
+
+
+def failures(kind: str, trained: dict[str, PatchClassifier], folder: Path, rows: list[str]) -> None:
+    """Spoilt films: the hybrid must never be much worse than the markers alone."""
+    teacher = PEOPLE[kind][0]
+    for flaw, spoil, bump in (
+        ("none", None, 0.0),
+        ("paint smeared over the right eye and brow", _smeared, 0.0),
+        ("camera 0 black for 2 s", _black, 0.0),
+        ("brightness halved from the middle on", _dim, 0.0),
+        ("helmet bumped by 5 mm", None, 5.0),
+    ):
+        label = "" if flaw == "none" else "-" + flaw.split()[0]
+        scene = played(kind, teacher, folder, spoil, label, bump)
+        curves, performer = curves_of(scene, trained["intensity"]), scene.truth.performer
+        true, errors = performer.act(scene.truth.animation), []
+        for way in FLAWED:
+            whose, followed = WAYS[way]
+            answer = solved(scene, scene.take, scene.binding, curves if whose else None, followed)
+            errors.append(blendcap.evaluate(answer, true, scene.judge, truth_rig=performer.rig).vertex_rmse_mm)
+        cells = " | ".join(f"{error:.3f}" for error in errors)
+        rows.append(f"| {kind} | {flaw} | {cells} | {errors[-1] / errors[0]:.2f} |")
+        print(rows[-1], flush=True)
+
+
+def _smeared(view: int, number: int, picture: np.ndarray) -> np.ndarray:
+    if view != 0 or number < 120:
+        return picture
+    soft = picture.copy()
+    soft[: picture.shape[0] // 2] = cv2.GaussianBlur(picture, (0, 0), 9.0)[: picture.shape[0] // 2]
+    return soft
+
+
+def _black(view: int, number: int, picture: np.ndarray) -> np.ndarray:
+    return np.zeros_like(picture) if view == 0 and 120 <= number < 180 else picture
+
+
+def _dim(view: int, number: int, picture: np.ndarray) -> np.ndarray:
+    return picture // 2 if number > 200 else picture
