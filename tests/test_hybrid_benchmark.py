@@ -1,5 +1,7 @@
 """The counting of the hybrid benchmark: what is told early or late, and what is not."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -51,3 +53,26 @@ def test_shut_lids_are_judged_where_the_truth_is_plain(counts):
     assert counts.shut(true, true) == "1.00, 1.00 (1.00, 1.00)"
     late = np.array([0.1, 0.5, 0.4, 0.3, 0.9, 0.3])[:, None] * [1, 1]
     assert counts.shut(late, true) == "0.50, 0.50 (0.33, 0.33)"
+
+
+def test_every_gain_is_of_ways_that_are_run(benchmark_module):
+    solves = benchmark_module("hybrid_solves")
+    unsolved = ("", "best", "")
+    for _, ours, theirs in solves.PAIRS:
+        assert {ours, theirs} <= {*solves.RUNS, unsolved}
+    assert len(set(solves.RUNS)) == len(solves.RUNS) and set(solves.BRIEF) < set(solves.RUNS)
+    assert all(layout in solves.MARKERS and way in solves.WAYS for layout, _, way in solves.RUNS)
+
+
+def test_kept_frames_are_made_once_and_read_as_they_were(benchmark_module, tmp_path):
+    film = benchmark_module("hybrid_data")
+    pictures = np.random.default_rng(0).integers(0, 255, (2, 3, 4, 5), dtype=np.uint8)
+    shots = [SimpleNamespace(size=(5, 4), count=3, frames=lambda v=view: iter(pictures[v])) for view in (0, 1)]
+    path = tmp_path / "film.frames.npy"
+    np.testing.assert_array_equal(film._kept(path, lambda: shots), pictures)
+    np.testing.assert_array_equal(film._kept(path, lambda: []), pictures)  # not made anew
+    assert [file.name for file in tmp_path.iterdir()] == [path.name]
+    dark = film._spoilt(pictures, lambda view, number, picture: picture * (view + number > 0))
+    told = np.array([list(frames) for frames in dark])
+    np.testing.assert_array_equal(told[0, 0], 0)
+    np.testing.assert_array_equal(told.reshape(6, 4, 5)[1:], pictures.reshape(6, 4, 5)[1:])
