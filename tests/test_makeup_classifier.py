@@ -193,7 +193,7 @@ def test_motion_is_how_far_a_stroke_has_moved():
 def _slanted(right: float = 0.0, down: float = 0.0) -> np.ndarray:
     """A long stroke that rises to the right by half, moved."""
     image = np.zeros((44, 56), dtype=np.uint8)
-    ends = np.array([[-32.0, 52.0], [88.0, -8.0]]) + [right, down]
+    ends = np.array([[right - 32.0, down + 52.0], [right + 88.0, down - 8.0]])
     cv2.polylines(image, [np.round(ends * 16).astype(np.int32)], False, 255, 3, cv2.LINE_AA, 4)
     return image
 

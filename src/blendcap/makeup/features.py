@@ -1,4 +1,4 @@
-"""What a classifier sees of a patch: responses of Gabor filters, oriented gradients, edges, or the strokes' motion.
+"""What a classifier sees of a patch: responses of Gabor filters, oriented gradients, edges, or how the strokes moved.
 
 Section 7.2.2 of Reading Between the Dots (2016), section 4.1.10 of the thesis: 8 filters, 2 scales, 4 orientations.
 How far each stroke has moved is ours: it follows a weight in proportion, which the look of a patch does not.
@@ -73,13 +73,18 @@ def edges(image: np.ndarray) -> np.ndarray:
     return cv2.resize(strength, (image.shape[1] // CELL, image.shape[0] // CELL), interpolation=cv2.INTER_AREA)
 
 
-def motion(image: np.ndarray, neutral: np.ndarray) -> np.ndarray:
+def motion(image: np.ndarray, neutral: np.ndarray, finest: int = 1) -> np.ndarray:
     """How far the paint of a patch (h, w) uint8 has moved from the neutral one (h / 4, w / 4, 2), where it was.
 
-    By dense inverse search (Kroeger et al. 2016, doi:10.1007/978-3-319-46493-0_29).
+    By dense inverse search (Kroeger et al. 2016, doi:10.1007/978-3-319-46493-0_29), halved `finest` times.
     """
-    moved, paint = _moved(image, neutral)
+    moved, paint = _moved(image, neutral, finest)
     return _coarse(moved * paint[..., None]) * MOTION
+
+
+def fine_motion(image: np.ndarray, neutral: np.ndarray) -> np.ndarray:
+    """Motion to the last pixel: sees thin strokes that move by one or two, but also trembles along long ones."""
+    return motion(image, neutral, finest=0)
 
 
 def across(image: np.ndarray, neutral: np.ndarray) -> np.ndarray:
@@ -90,7 +95,7 @@ def across(image: np.ndarray, neutral: np.ndarray) -> np.ndarray:
     """
     import cv2
 
-    moved, paint = _moved(image, neutral)
+    moved, paint = _moved(image, neutral, finest=0)
     dx, dy = cv2.Sobel(paint, -1, 1, 0), cv2.Sobel(paint, -1, 0, 1)
     xx, xy, yy = (cv2.GaussianBlur(product, (0, 0), ALONG) for product in (dx * dx, dx * dy, dy * dy))
     x, y = moved[..., 0], moved[..., 1]
@@ -101,12 +106,12 @@ def across(image: np.ndarray, neutral: np.ndarray) -> np.ndarray:
     return total / (weight + LEAST)[..., None]
 
 
-def _moved(image: np.ndarray, neutral: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _moved(image: np.ndarray, neutral: np.ndarray, finest: int) -> tuple[np.ndarray, np.ndarray]:
     """Motion (h, w, 2) from the neutral patch, pixels, and how much paint (h, w), 0 to 1, is there."""
     import cv2
 
     start, end = (cv2.GaussianBlur(picture, (0, 0), SOFT) for picture in (neutral, image))
-    moved = np.asarray(_flow().calc(start, end, None))  # pyright: ignore[reportCallIssue, reportArgumentType]
+    moved = np.asarray(_flow(finest).calc(start, end, None))  # pyright: ignore[reportCallIssue, reportArgumentType]
     return moved, start.astype(np.float32) / 255
 
 
@@ -117,19 +122,21 @@ def _coarse(field: np.ndarray) -> np.ndarray:
 
 
 @cache
-def _flow():
-    """Flow to the last pixel: a stroke that is thin and alone moves by one or two, and its neighbors otherwise."""
+def _flow(finest: int):
     import cv2
 
     flow = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
-    flow.setFinestScale(0)
-    flow.setGradientDescentIterations(16)
-    flow.setVariationalRefinementIterations(0)  # it spreads motion to strokes that keep still
+    if finest == 0:
+        flow.setFinestScale(0)
+        flow.setGradientDescentIterations(16)
+        flow.setVariationalRefinementIterations(0)  # it spreads motion to strokes that keep still
     return flow
 
 
 LOOKS: Mapping[str, Callable[[np.ndarray], np.ndarray]] = {"gabor": gabor, "hog": hog, "edges": edges}
-TRAVELS: Mapping[str, Callable[[np.ndarray, np.ndarray], np.ndarray]] = {"motion": motion, "across": across}
+TRAVELS: Mapping[str, Callable[[np.ndarray, np.ndarray], np.ndarray]] = {
+    "motion": motion, "fine": fine_motion, "across": across,
+}  # fmt: skip
 FEATURES = (*LOOKS, *TRAVELS)
 
 

@@ -18,10 +18,10 @@ from blendcap.makeup.lesson import Lesson
 from blendcap.makeup.patches import Patches, flows, laid_over
 from blendcap.makeup.units import ARKIT_TABLE, PAPER_REGIONS, REGIONS, Region, halves, shows
 
-VARIANCE = {"svm": 0.9, "intensity": 0.999}  # of the features, that the principal components keep
+VARIANCE = {"svm": 0.9, "intensity": 0.99}  # of the features, that the principal components keep
 MOST_FRAMES = 800  # from which principal components are taken, about
 COPY = 1500  # frames of a warped copy, about
-RIDGE = 1.0  # in the variance of all features together; at 3 the small motions of the nose are told more weakly
+RIDGE = 3.0  # in the variance of all features together: from 1 to 10 it hardly matters
 COST = 0.1  # C of the support vector machine
 NEAR = 0.25  # an intensity that errs by less is right
 SHOWN = 0.1  # an intensity below is none
@@ -56,8 +56,8 @@ def train_classifier(
         Ridge regression on intensities, or the papers' classes of unit and level. A regression also learns from units
         that are shown together; of classes a frame is in one, so such frames are left out.
     kind : str, optional
-        The features of all regions: gabor, hog, edges or motion, or several joined by +. Each region's own if not
-        given.
+        The features of all regions: gabor, hog, edges, motion, fine or across, or several joined by +. Each region's
+        own if not given.
     relative : bool
         Take the neutral frame's features off.
     table : {unit: {shape: weight at full intensity}}

@@ -21,7 +21,7 @@ class Region(NamedTuple):
 REGIONS: tuple[Region, ...] = (
     Region(
         "brows", ("forehead_right", "forehead_left", "glabella"), ("AU1", "AU2L", "AU2R", "AU4L", "AU4R"),
-        "across", aligned=False,
+        "motion", aligned=False,
     ),
     Region("nose", ("glabella",), ("AU9L", "AU9R"), "across", aligned=False),
     Region(
@@ -32,7 +32,7 @@ REGIONS: tuple[Region, ...] = (
     Region(
         "mouth", ("mouth_right", "mouth_left"),
         ("AU10L", "AU10R", "AU12L", "AU12R", "AU15L", "AU15R", "AU18", "AU20L", "AU20R", "AU26"),
-        "motion",
+        "fine",
     ),
 )  # fmt: skip
 # Section 7.2.1 of Reading Between the Dots (2016): classes, of which a frame is in one. The last two are its sideways
