@@ -1,4 +1,4 @@
-"""Windows of one picture found again in another: by known shifts, light and shear."""
+"""Windows of one picture found again in another: by known shifts, light and warp."""
 
 import cv2
 import numpy as np
@@ -28,9 +28,9 @@ def picture(matrix=((1, 0), (0, 1)), shift=(0, 0)) -> np.ndarray:
 def test_shifts_are_found_to_a_hundredth_of_a_pixel():
     windows = Windows.cut(picture(), PLACES)
     for shift in ((0.0, 0.0), (0.37, -0.81), (-2.6, 1.9)):
-        places, alike = windows.find(picture(shift=shift), PLACES, STILL)
+        places, correlation = windows.find(picture(shift=shift), PLACES, STILL)
         np.testing.assert_allclose(places, PLACES + shift, atol=0.02)
-        assert (alike > 0.999).all()
+        assert (correlation > 0.999).all()
 
 
 def test_light_changes_nothing():
@@ -47,11 +47,11 @@ def test_a_window_is_found_on_skin_that_turns_and_stretches_if_it_is_told_how():
     middle = np.array([SIZE / 2, SIZE / 2])
     moved, true = picture(matrix), (PLACES - middle) @ matrix.T + middle
     windows = Windows.cut(picture(), PLACES)
-    told, alike = windows.find(moved, true + np.array([0.8, -0.6]), np.tile(matrix, (3, 1, 1)))
+    told, correlation = windows.find(moved, true + np.array([0.8, -0.6]), np.tile(matrix, (3, 1, 1)))
     np.testing.assert_allclose(told, true, atol=0.05)
-    assert (alike > 0.99).all()
+    assert (correlation > 0.99).all()
     _, untold = windows.find(moved, true, STILL)
-    assert (untold < alike - 0.03).all()
+    assert (untold < correlation - 0.03).all()
 
 
 def test_along_an_edge_nothing_is_seen_and_nothing_is_made_up():
@@ -73,23 +73,23 @@ def test_what_does_not_count_does_not_pull():
     middle = np.array([[51.0, 48.0]])
     counts = np.zeros((1, 2 * REACH + 1, 2 * REACH + 1), dtype=bool)
     counts[:, :, 5:] = True  # from x = 49 on
-    told, alike = Windows.cut(before, middle, counts).find(after, middle, STILL[:1])
+    told, correlation = Windows.cut(before, middle, counts).find(after, middle, STILL[:1])
     whole, _ = Windows.cut(before, middle).find(after, middle, STILL[:1])
     np.testing.assert_allclose(told, middle + np.array([1.5, 1.0]), atol=0.1)
-    assert alike > 0.98 and np.linalg.norm(whole - middle - [1.5, 1.0]) > 0.3
+    assert correlation > 0.98 and np.linalg.norm(whole - middle - [1.5, 1.0]) > 0.3
 
 
 @pytest.mark.parametrize("start", [(3.0, 48.0), (48.0, SIZE - 4.0), (-20.0, 48.0), (np.nan, 48.0)])
 def test_a_window_that_leaves_the_picture_is_not_found(start):
     windows = Windows.cut(picture(), PLACES[:1])
-    _, alike = windows.find(picture(), np.array([start]), STILL[:1])
-    assert alike == -1
+    _, correlation = windows.find(picture(), np.array([start]), STILL[:1])
+    assert correlation == -1
 
 
 def test_a_blank_picture_is_not_taken_for_the_window():
     windows = Windows.cut(picture(), PLACES)
-    _, alike = windows.find(np.zeros((SIZE, SIZE), dtype=np.float32), PLACES, STILL)
-    assert (np.abs(alike) < 0.5).all()
+    _, correlation = windows.find(np.zeros((SIZE, SIZE), dtype=np.float32), PLACES, STILL)
+    assert (np.abs(correlation) < 0.5).all()
 
 
 def test_gradients_say_where_another_matcher_finds_them():

@@ -7,9 +7,9 @@ import pytest
 
 import blendcap
 from blendcap import Animation, InputError, PaintTracks, SolveSettings
-from blendcap.makeup.skin_points import sight_lines, skin_points
+from blendcap.makeup.skin_points import skin_points
 from blendcap.makeup.tracking import track_paint
-from blendcap.rendering import project
+from blendcap.rendering import project, sight_lines
 from blendcap.synthetic.head_camera import HeadCamera, film_head, mount_head_camera
 from blendcap.synthetic.makeup import draw_makeup
 from blendcap.synthetic.performer import make_performer
@@ -106,6 +106,22 @@ def test_tracks_shut_the_lids_that_no_marker_sees(film):
     assert both.track_rms.max() < 0.2
 
 
+def test_lids_are_found_at_once_where_they_shut(film):
+    """From one frame to the next, and the solve of the markers knows nothing of it."""
+    shut = int(film.truth.animation.weights[:, film.rig.index(LIDS[0])].argmax())
+    jump = [part[[0, 0, 0, shut, shut, shut, 0, 0]] for part in film.pictures]
+    rows = [0, 0, 0, shut, shut, shut, 0, 0]
+    take = replace(film.take, positions=film.take.positions[rows])
+    first = blendcap.solve(film.rig, take, film.binding, settings=KEEP)
+    tracks = track_paint(jump, film.rig, take, film.binding, film.helmet.cameras[:VIEWS], first)
+    blink = film.rig.deltas[film.rig.index(LIDS[0])] + film.rig.deltas[film.rig.index(LIDS[1])]
+    carried = np.linalg.norm(tracks.points.matrix(film.rig.mesh) @ blink, axis=1) > 5
+    assert carried.sum() > 10
+    moved = np.linalg.norm(tracks.positions - tracks.rest, axis=2)[:, carried]
+    assert np.nanmedian(moved[3:6]) > 4 and (tracks.lost[3:6, carried].mean(1) < 0.5).all()
+    assert np.nanmedian(moved[6:]) < 0.5
+
+
 def test_half_the_light_changes_little(film):
     dim = [np.concatenate([part[:6], part[6:] // 2]) for part in film.pictures]
     tracks = film.follow(dim)
@@ -151,6 +167,7 @@ def test_frames_without_markers_are_placed_as_the_frame_before(film):
         (lambda film: [film.pictures[0], film.pictures[1][:-2]], "camera 1 ends after"),
         (lambda film: [np.concatenate([film.pictures[0]] * 2), film.pictures[1]], "camera 0 has more frames"),
         (lambda film: [film.pictures[0], film.pictures[1][:0]], "camera 1 has no frame"),
+        (lambda film: film.pictures[:1], "Videos: 1; cameras: 2"),
         (lambda film: [0 * part for part in film.pictures], "anything on the skin that could be followed"),
     ],
 )

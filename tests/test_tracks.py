@@ -139,6 +139,27 @@ def test_a_solution_with_tracks_speaks_of_its_markers_and_of_its_tracks(bare):
     assert alone.track_rms is None and "tracks" not in alone.settings
 
 
+def test_axes_say_by_how_much_a_track_counts(bare):
+    """Longer axes are believed more; one that tells nothing changes nothing."""
+    tracks = seen_from(bare, [0, 0, 250])
+    assert solved(bare, replace(tracks, axes=1.7 * tracks.axes)).residuals.shape == bare.take.positions.shape[:2]
+    blind = np.array(tracks.axes)
+    blind[7] = 0
+    wild = np.array(tracks.positions)
+    wild[:, 7] += 30
+    ours = solved(bare, replace(tracks, axes=blind, positions=wild))
+    theirs = solved(bare, replace(tracks, axes=blind))
+    np.testing.assert_array_equal(ours.animation.weights, theirs.animation.weights)
+
+
+def test_precise_tracks_do_not_put_markers_in_doubt(bare):
+    """The markers' errors of half a millimetre are usual among markers, though no track errs so far."""
+    noisy = bare.take.positions + np.random.default_rng(0).normal(scale=0.8, size=bare.take.positions.shape)
+    scene = Scene(bare.rig, replace(bare.take, positions=noisy), bare.truth, bare.binding)
+    with_tracks = solved(scene, seen_from(bare, [0, 0, 250]))
+    assert min(with_tracks.trusted.values()) > 0.9
+
+
 def test_a_helmet_that_slips_takes_the_tracks_along():
     slipping = scene(motion(), slip=(2.0, 2.0), seed=4)
     points = choose_points(slipping.rig, 60, seed=3)

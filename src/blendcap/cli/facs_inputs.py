@@ -37,7 +37,7 @@ class Filmed:
     cameras: Path
     """A .json of the calibrated cameras, in the space of the takes."""
     rig: Path
-    """A rig with the 68 landmarks; the markers lay it over the face."""
+    """A rig; the markers lay it over the face. For patches it needs the 68 landmarks."""
     correspondences: Path | None = None
     """A .json that says where each marker sits; found if not given."""
 

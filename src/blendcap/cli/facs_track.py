@@ -51,6 +51,7 @@ def track(
         Print the answer as JSON.
     """
     from blendcap.io import read_animation, write_tracks
+    from blendcap.makeup.setup import check_unit
 
     for path, endings in ((output, TRACKS), (overlay, VIDEOS), (picture, PICTURES)):
         check_outputs([path], endings, (*videos, take, patches, filmed.cameras, filmed.rig, filmed.correspondences))
@@ -58,6 +59,8 @@ def track(
     with progress.step("read", "Read the rig and the take"):
         curves = None if patches is None else read_animation(patches)
         staged = stage(videos, take, filmed)
+        if "landmarks68" in staged.rig.points:
+            check_unit(staged.rig, staged.binding, staged.cameras, [film.size for film in staged.films])
     with progress.step("solve", "Solve the markers, to know where to look") as tell:
         settings = blendcap.SolveSettings(head="keep")
         first = blendcap.solve(

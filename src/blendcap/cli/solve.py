@@ -258,8 +258,6 @@ def _write_preview(path: Path, rig: Rig, solution: Solution, alone: Solution | N
 
 def summary(take: MarkerTake, solution: Solution, progress: Progress) -> dict[str, Any]:
     """The facts of a solve, as `solve --json` prints them."""
-    import numpy as np
-
     return {
         "frames": len(take.positions),
         "rate": take.rate,
@@ -267,7 +265,7 @@ def summary(take: MarkerTake, solution: Solution, progress: Progress) -> dict[st
         "left_out": [name for name in take.names if name not in solution.marker_names],
         "rms_mm": solution.rms_mm,
         "rms_mm_per_marker": dict(zip(solution.marker_names, solution.marker_rms.tolist(), strict=True)),
-        **({} if solution.track_rms is None else {"track_rms_mm": float(np.sqrt(np.nanmean(solution.track_rms**2)))}),
+        **({} if solution.track_rms is None else {"track_rms_mm": solution.track_rms_mm}),
         "max_kkt": solution.certificate.max_kkt,
         "converged": solution.certificate.converged,
         "unseen": list(solution.unseen),

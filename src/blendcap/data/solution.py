@@ -45,7 +45,7 @@ class Solution:
     rms : (T,) float64
         Root of the mean squared residual of each frame, mm.
     energies : {term: (T,) float64}
-        What each term of the objective costs, in mm².
+        What each term of the objective costs, in mm²; `markers` is of markers and tracks together.
     certificate : Certificate
     marker_names : (M,) str
     helmet : (T, 6) float64, optional
@@ -64,8 +64,8 @@ class Solution:
         How far each weight is from what the curves of the makeup patches say, by their confidence, where 1 is all of a
         shape.
     track_rms : (T,) float64, optional
-        Root of the mean squared distance of the tracks from where the answer puts them, across their lines of sight and
-        as surely as it is told, mm; NaN in a frame in which all were lost.
+        Root of the mean squared error of a coordinate that the tracks tell, mm: smaller than a distance, as `rms` is
+        of markers; NaN in a frame in which all were lost.
     settings : {str: str}
         What was asked for and what was learned, to be written beside the answer.
     seconds : {step: float}
@@ -93,6 +93,12 @@ class Solution:
         """Root of the mean squared residual over all markers seen in all frames, mm; NaN if none was seen."""
         seen = np.isfinite(self.residuals)
         return float(np.sqrt(np.mean(self.residuals[seen] ** 2))) if seen.any() else float("nan")
+
+    @property
+    def track_rms_mm(self) -> float:
+        """Root of the mean of `track_rms` squared, mm; NaN if there are no tracks or none was seen."""
+        seen = np.empty(0) if self.track_rms is None else self.track_rms[np.isfinite(self.track_rms)]
+        return float(np.sqrt(np.mean(seen**2))) if seen.size else float("nan")
 
     @property
     def marker_rms(self) -> np.ndarray:

@@ -29,7 +29,8 @@ class PaintTracks:
     positions : (T, K, 3) float64
         The points on their lines of sight, mm, in the take's space; NaN where a point was lost.
     axes : (K, 2, 3) float64
-        Directions across the line of sight, each times how surely motion along it is told, 0 to 1.
+        Directions across the line of sight, each as long as motion along it is surely told: 1 counts as one coordinate
+        of a marker, 0 not at all; away from the middle of the picture it may be a little more.
     rate : float
         Frames a second.
 

@@ -2,7 +2,7 @@
 
 The inverse compositional way of Lucas and Kanade's matching (Baker and Matthews 2004,
 doi:10.1023/B:VISI.0000011205.11775.fd): gradients are those of the neutral window and are computed once. Windows are
-compared by their correlation, so the light may change, and are sheared as the skin is expected to be.
+compared by their correlation, so the light may change, and are warped as the skin is expected to be.
 """
 
 from __future__ import annotations
@@ -67,30 +67,30 @@ class Windows:
         """The chosen windows."""
         return Windows(*(getattr(self, field.name)[chosen] for field in fields(self)))
 
-    def find(self, picture: np.ndarray, start: np.ndarray, shear: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def find(self, picture: np.ndarray, start: np.ndarray, warp: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Where the windows are in another picture (H, W) float32.
 
         Parameters
         ----------
         start : (K, 2)
             Where they are sought, pixels.
-        shear : (K, 2, 2)
+        warp : (K, 2, 2)
             From an arm in the neutral picture to one in this.
 
         Returns
         -------
         places : (K, 2)
             Pixels.
-        alike : (K,)
+        correlation : (K,)
             Correlation with the neutral window, -1 to 1; -1 where the window left the picture.
         """
         places = np.array(start, dtype=np.float64)
-        shear = np.ascontiguousarray(shear, dtype=np.float64)
-        return places, _find(picture, self.looks, self.slopes, self.counts, self.steps, places, shear)
+        warp = np.ascontiguousarray(warp, dtype=np.float64)
+        return places, _find(picture, self.looks, self.slopes, self.counts, self.steps, places, warp)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _sample(picture, x, y, shear, window):
+def _sample(picture, x, y, warp, window):
     """Fill a window (n, n) with the picture around (x, y), bilinear; False if it is not all inside."""
     height, width = picture.shape
     size = window.shape[0]
@@ -98,8 +98,8 @@ def _sample(picture, x, y, shear, window):
     for row in range(size):
         for column in range(size):
             u, v = column - half, row - half
-            px = x + shear[0, 0] * u + shear[0, 1] * v
-            py = y + shear[1, 0] * u + shear[1, 1] * v
+            px = x + warp[0, 0] * u + warp[0, 1] * v
+            py = y + warp[1, 0] * u + warp[1, 1] * v
             if not (0 <= px < width - 1 and 0 <= py < height - 1):
                 return False
             i, j = int(px), int(py)
@@ -111,23 +111,23 @@ def _sample(picture, x, y, shear, window):
 
 
 @njit(cache=True, nogil=True)
-def _sampled(picture, middles, shear):
+def _sampled(picture, middles, warp):
     size = 2 * REACH + 1
     windows = np.zeros((len(middles), size, size), dtype=np.float32)
     for k in range(len(middles)):
-        _sample(picture, middles[k, 0], middles[k, 1], shear[k], windows[k])
+        _sample(picture, middles[k, 0], middles[k, 1], warp[k], windows[k])
     return windows
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _find(picture, looks, slopes, counts, steps, places, shear):
-    """Move `places` (K, 2) to where the windows are; how alike they are there."""
+def _find(picture, looks, slopes, counts, steps, places, warp):
+    """Move `places` (K, 2) to where the windows are; and how they correlate there."""
     count, size = len(looks), looks.shape[1]
-    alike, window = np.full(count, -1.0), np.empty((size, size), dtype=np.float32)
+    correlation, window = np.full(count, -1.0), np.empty((size, size), dtype=np.float32)
     for k in range(count):
         for _ in range(ROUNDS):
-            if not _sample(picture, places[k, 0], places[k, 1], shear[k], window):
-                alike[k] = -1.0
+            if not _sample(picture, places[k, 0], places[k, 1], warp[k], window):
+                correlation[k] = -1.0
                 break
             mean = 0.0
             for row in range(size):
@@ -140,7 +140,7 @@ def _find(picture, looks, slopes, counts, steps, places, shear):
                     length += counts[k, row, column] * value * value
                     match += counts[k, row, column] * value * looks[k, row, column]
             length = np.sqrt(max(length, 1e-12))
-            alike[k] = match / length
+            correlation[k] = match / length
             along, down = 0.0, 0.0
             for row in range(size):
                 for column in range(size):
@@ -152,8 +152,8 @@ def _find(picture, looks, slopes, counts, steps, places, shear):
             far = np.sqrt(u * u + v * v)
             if far > LONGEST:
                 u, v = u * LONGEST / far, v * LONGEST / far
-            places[k, 0] -= shear[k, 0, 0] * u + shear[k, 0, 1] * v
-            places[k, 1] -= shear[k, 1, 0] * u + shear[k, 1, 1] * v
+            places[k, 0] -= warp[k, 0, 0] * u + warp[k, 0, 1] * v
+            places[k, 1] -= warp[k, 1, 0] * u + warp[k, 1, 1] * v
             if far < SETTLED:
                 break
-    return alike
+    return correlation

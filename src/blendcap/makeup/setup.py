@@ -64,8 +64,8 @@ def locate(
         If the rig has no landmarks, a stable marker is unknown, a camera sees fewer than two of them, or the cameras'
         lengths are in another unit than the take's.
     """
+    check_unit(rig, binding, cameras, sizes)
     marks = binding.to_take(landmarks68(rig).positions(rig.mesh))
-    _check_unit(marks, cameras, sizes)
     places = seen_patches(marks, list(cameras), list(sizes))
     used = {view for view, _ in places.values()}
     anchors = _anchors(rig, binding, cameras, sizes, stable)
@@ -111,8 +111,9 @@ def _filled(take: MarkerTake) -> np.ndarray:
     return filled
 
 
-def _check_unit(marks: np.ndarray, cameras: Sequence[Camera], sizes: Sequence[tuple[int, int]]) -> None:
+def check_unit(rig: Rig, binding: Binding, cameras: Sequence[Camera], sizes: Sequence[tuple[int, int]]) -> None:
     """Refuse cameras that see no face, but would in another unit: the paint is not at fault."""
+    marks = binding.to_take(landmarks68(rig).positions(rig.mesh))
     if _largest_face(marks, cameras, sizes, 1.0) >= LEAST_FACE:
         return
     faces = {factor: _largest_face(marks, cameras, sizes, factor) for factor in UNITS}

@@ -10,12 +10,12 @@ from blendcap.data import Binding, Camera, Rig
 from blendcap.data.anatomy import inside_vertices
 from blendcap.makeup.matching import REACH, Windows
 from blendcap.modeling.rays import RayTarget
-from blendcap.rendering import vertex_normals
+from blendcap.rendering import sight_lines, vertex_normals
 
 SPACING = 8  # pixels between two points
 MOST = 300  # points in one picture
 CLEAR = 4.0  # times the contrast of plain skin: the least at a point
-SURE = 32.0  # the same along a direction at which it is told half as surely, in squares, as it can be
+SURE = 32.0  # times the contrast of plain skin: along a direction with so much, squared errors count half
 FACING = 0.35  # cosine between skin and camera: more aslant nothing is followed
 ALIKE = 2.0  # mm: what a shape moves by so much more or less than the middle of a window is not of it
 
@@ -26,9 +26,13 @@ class SkinPoints(NamedTuple):
     pixels: np.ndarray  # (K, 2)
     faces: np.ndarray  # (K,) triangles of the rig
     barycentric: np.ndarray  # (K, 3)
-    places: np.ndarray  # (K, 3) where the lines of sight meet the neutral skin, mm, in the take's space
+    rest: np.ndarray  # (K, 3) where the lines of sight meet the neutral skin, mm, in the take's space
     axes: np.ndarray  # (K, 2, 2) directions in the picture, the best seen first, each as long as it is sure, 0 to 1
     windows: Windows
+
+    def of(self, rows: np.ndarray) -> SkinPoints:
+        """The chosen points."""
+        return SkinPoints(*(part[rows] for part in self[:-1]), self.windows.of(rows))
 
 
 def skin_points(picture: np.ndarray, rig: Rig, binding: Binding, camera: Camera) -> SkinPoints:
@@ -48,27 +52,13 @@ def skin_points(picture: np.ndarray, rig: Rig, binding: Binding, camera: Camera)
     clear = np.argwhere(contrast > CLEAR * usual)[:, ::-1]
     clear = clear[np.argsort(-contrast[tuple(clear.T[::-1])], kind="stable")]
     faces, barycentric, places = skin.under(clear)
-    kept = _apart(clear, faces >= 0, picture.shape)
+    kept = _spaced(clear, faces >= 0, picture.shape)
     windows = Windows.cut(picture, clear[kept], skin.moving_alike(clear[kept], faces[kept], barycentric[kept]))
-    told = windows.values[:, 0] > CLEAR * plain
-    windows, kept = windows.of(told), kept[told]
+    enough = windows.values[:, 0] > CLEAR * plain  # on what counts alone: the eye beside a lid has contrast, too
+    windows, kept = windows.of(enough), kept[enough]
     sure = np.sqrt(windows.values / (windows.values + SURE * plain))
     axes = sure[..., None] * windows.directions
     return SkinPoints(clear[kept].astype(np.float64), faces[kept], barycentric[kept], places[kept], axes, windows)
-
-
-def sight_lines(pixels: np.ndarray, camera: Camera) -> np.ndarray:
-    """Unit vectors (..., 3) from the camera through pixels (..., 2), in the camera's world; NaN where a pixel is."""
-    import cv2
-
-    if not pixels.size:
-        return np.empty((*pixels.shape[:-1], 3))
-    flat = np.nan_to_num(pixels).reshape(-1, 1, 2)
-    slopes = cv2.undistortPoints(flat, camera.intrinsics, camera.distortion)[:, 0]
-    ways = np.column_stack([slopes, np.ones(len(slopes))]) @ camera.pose[:3, :3]
-    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
-    ways[np.isnan(pixels).any(-1).ravel()] = np.nan
-    return ways.reshape(*pixels.shape[:-1], 3)
 
 
 class _SeenSkin:
@@ -121,7 +111,7 @@ def _contrast(picture: np.ndarray) -> np.ndarray:
     return np.where(inside, values, 0.0)
 
 
-def _apart(pixels: np.ndarray, good: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+def _spaced(pixels: np.ndarray, good: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
     """Rows of good pixels (P, 2), each `SPACING` from those before it, `MOST` at most."""
     import cv2
 

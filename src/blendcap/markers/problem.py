@@ -44,8 +44,6 @@ class MarkerProblem:
         The markers, and after them the tracks, on the neutral, mm, in the rig's space.
     positions : (T, M + K, 3)
         The same without the motion of the head; NaN where missing.
-    axes : (M + K, 3, 3), optional
-        The directions along which each tells its place; all, if there are no tracks.
     rows : MarkerRows
     noise : float
         Standard deviation of a marker coordinate, model error included, mm.
@@ -60,7 +58,6 @@ class MarkerProblem:
     markers: tuple[str, ...]
     rest: np.ndarray
     positions: np.ndarray
-    axes: np.ndarray | None
     rows: MarkerRows
     noise: float
     head: np.ndarray | None
@@ -84,7 +81,8 @@ def marker_problem(
         If a bound marker is not in the take or missing in every frame, or the tracks are not of this take and rig.
     """
     if tracks is not None:
-        settings = replace(settings, head=check_tracks(tracks, rig, take, binding, settings.head))
+        check_tracks(tracks, rig, take, binding, settings.head)
+        settings = replace(settings, head="keep")  # the cameras ride on the helmet, and the tracks with them
     progress("cleaning")
     cleaned, filled = _cleaned(take, binding, settings)
     progress("head motion")
@@ -102,7 +100,7 @@ def marker_problem(
     helmet = _helmet_columns(rest, center, settings.helmet)
     lowest = 0.0 if settings.helmet == "paper" else -1.0
     rows = marker_rows(deltas, helmet, positions - rest, rig.bounds, lowest, axes)
-    return MarkerProblem(rig, take.rate, binding.points.names, rest, positions, axes, rows, noise, head, filled)
+    return MarkerProblem(rig, take.rate, binding.points.names, rest, positions, rows, noise, head, filled)
 
 
 def _cleaned(

@@ -16,7 +16,7 @@ from blendcap.markers.problem import MarkerProblem, marker_problem
 from blendcap.solving.answer import Answer
 from blendcap.solving.curves import Curves, curves_for
 from blendcap.solving.methods import confidence, solve_rows, standard_errors
-from blendcap.solving.rows import MarkerRows, along
+from blendcap.solving.rows import MarkerRows
 from blendcap.solving.settings import SolveSettings
 from blendcap.solving.shares import full_weights, in_shares
 from blendcap.solving.visibility import UNSEEN
@@ -125,7 +125,7 @@ def _solution(
     if problem.filled:
         asked["filled by other software"] = "; ".join(map(str, problem.filled))
     if answer.rows.tracks.any():
-        asked["tracks"] = _as_told(problem.rows, answer.rows)
+        asked["tracks"] = _tracks_in_words(problem.rows, answer.rows)
     return Solution(
         animation=Animation(
             full * shares, rig.names, problem.rate, head=problem.head, confidence=sure, meta={"rig": rig.name}
@@ -173,7 +173,7 @@ def _relinearize(problem: MarkerProblem, helmet: str) -> Callable[[np.ndarray], 
         motion = _helmet_motion(unknowns[:, rows.shapes :], helmet)
         assert motion is not None
         still = remove_motion(positions, motion, problem.center) - rest
-        return (still if problem.axes is None else along(problem.axes, still)) + _helmet_part(rows, unknowns)
+        return rows.along(still) + _helmet_part(rows, unknowns)
 
     return targets
 
@@ -196,7 +196,7 @@ def _warn(unseen: dict[str, float], held: tuple[str, ...], method: str) -> None:
     log.warning("These markers cannot tell the weights of %d shapes. %s", len(unseen), " ".join(parts))
 
 
-def _as_told(before: MarkerRows, after: MarkerRows) -> str:
+def _tracks_in_words(before: MarkerRows, after: MarkerRows) -> str:
     """How many tracks there are, what part of their samples was lost, and what part was left out as astray."""
     lost, left = before.missing[:, before.tracks].mean(), after.missing[:, after.tracks].mean()
     return f"{np.count_nonzero(after.tracks)}, of their samples {lost:.1%} lost, {left - lost:.1%} astray"

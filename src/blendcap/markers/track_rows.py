@@ -21,8 +21,8 @@ class TrackRows(NamedTuple):
     axes: np.ndarray  # (K, 3, 3) the two directions that each tells, and zeros
 
 
-def check_tracks(tracks: PaintTracks, rig: Rig, take: MarkerTake, binding: Binding, head: str) -> str:
-    """How a take that tracks go with treats the head's motion: it stays, since the cameras ride on the helmet.
+def check_tracks(tracks: PaintTracks, rig: Rig, take: MarkerTake, binding: Binding, head: str) -> None:
+    """Refuse tracks that do not go with a take.
 
     Raises
     ------
@@ -31,8 +31,8 @@ def check_tracks(tracks: PaintTracks, rig: Rig, take: MarkerTake, binding: Bindi
     """
     if head == "remove":
         raise InputError("Tracks come from cameras on the helmet, and so must the markers: keep the head's motion.")
-    frames, apart = len(take.positions), abs(tracks.rate - take.rate)
-    if len(tracks.positions) != frames or apart > RATES * take.rate:
+    frames = len(take.positions)
+    if len(tracks.positions) != frames or abs(tracks.rate - take.rate) > RATES * take.rate:
         raise InputError(
             f"The tracks have {len(tracks.positions)} frames at {tracks.rate:g} a second, but the take {frames} at "
             f"{take.rate:g}; follow the paint in the film of this take."
@@ -43,7 +43,6 @@ def check_tracks(tracks: PaintTracks, rig: Rig, take: MarkerTake, binding: Bindi
             f"The tracks lie {np.median(far):.0f} mm from the rig {rig.name!r} as its markers are bound; follow the "
             "paint with this rig and these correspondences."
         )
-    return "keep"
 
 
 def track_rows(tracks: PaintTracks, rig: Rig, binding: Binding) -> TrackRows:

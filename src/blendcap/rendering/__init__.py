@@ -2,7 +2,7 @@
 
 from blendcap.numerics.surfaces import vertex_normals
 from blendcap.rendering.appearance import default_colors
-from blendcap.rendering.camera import face_camera, look_at, project
+from blendcap.rendering.camera import face_camera, look_at, project, sight_lines
 from blendcap.rendering.rasterize import Fragments, rasterize
 from blendcap.rendering.relief import Tangents, tangents_of
 from blendcap.rendering.render import Surface, prepare, prepare_rig, render, shaped
@@ -25,6 +25,7 @@ __all__ = [
     "rasterize",
     "render",
     "shaped",
+    "sight_lines",
     "slopes_of",
     "tangents_of",
     "vertex_normals",

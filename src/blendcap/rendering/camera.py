@@ -73,6 +73,23 @@ def to_homogeneous(points: np.ndarray, camera: Camera) -> np.ndarray:
     return seen @ camera.intrinsics.T
 
 
+def sight_lines(pixels: np.ndarray, camera: Camera) -> np.ndarray:
+    """Unit vectors (..., 3) from the camera through pixels (..., 2), in the camera's world; NaN where a pixel is.
+
+    The inverse of `project`, but for the depth.
+    """
+    import cv2
+
+    if not pixels.size:
+        return np.empty((*pixels.shape[:-1], 3))
+    flat = np.nan_to_num(pixels).reshape(-1, 1, 2)
+    slopes = cv2.undistortPoints(flat, camera.intrinsics, camera.distortion)[:, 0]
+    ways = np.column_stack([slopes, np.ones(len(slopes))]) @ camera.pose[:3, :3]
+    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+    ways[np.isnan(pixels).any(-1).ravel()] = np.nan
+    return ways.reshape(*pixels.shape[:-1], 3)
+
+
 @njit(cache=True, nogil=True)
 def _distort(seen, distortion):
     """Move points (P, 3) before the camera, in place, to where a straight lens would have them."""

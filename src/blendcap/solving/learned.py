@@ -237,7 +237,9 @@ def _learned(
     known = terms.precision if diagonal is None else terms.precision + np.diag(diagonal.mean(0))
     prior, covariance = relearned_prior(start, weights, weighed.mean_gram, belief.prior, known, belief.noise, rate)
     leverage = np.einsum("mki,ij,mkj->m", weighed.rows, covariance / belief.noise**2, weighed.rows)
-    trusted = trust(marker_errors(rows, unknowns, leverage))
+    errors, tracks = marker_errors(rows, unknowns, leverage), rows.tracks
+    apart = (np.where(kind, errors, np.nan) for kind in (tracks, ~tracks))  # each kind is judged by its own
+    trusted = np.minimum(*map(trust, apart))
     noise = max(least, overall(rows, unknowns, leverage, trusted))
     held = held_shapes(rows.weighed(trusted), lasting_noise(noise, least), kinship, terms.told())
     prior = prior.reaching(kinship.quick).holding(held)

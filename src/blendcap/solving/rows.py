@@ -25,9 +25,9 @@ class MarkerRows:
         N; the unknowns after it belong to the helmet.
     lower, upper : (N + K,)
         Bounds of the unknowns.
-    told : (M,), optional
-        How many coordinates each marker tells: 3 if not given, less for a track, which one camera sees. Rows and
-        targets of a track are those along its two axes, and zeros.
+    axes : (M, 3, 3), optional
+        The directions along which each tells its place, by how much each counts; the unit matrix if not given. One that
+        is 0 makes it a track: a point that one camera follows. Rows and targets are along them.
     """
 
     rows: np.ndarray
@@ -36,25 +36,29 @@ class MarkerRows:
     shapes: int
     lower: np.ndarray
     upper: np.ndarray
-    told: np.ndarray | None = None
+    axes: np.ndarray | None = None
 
     @property
     def coordinates(self) -> np.ndarray:
-        """(M,) how many coordinates each marker tells."""
-        return np.full(len(self.rows), 3.0) if self.told is None else self.told
+        """(M,) how many coordinates each marker tells: 3, and of a track as many as its axes are sure."""
+        return np.full(len(self.rows), 3.0) if self.axes is None else (self.axes**2).sum((1, 2))
 
     @property
     def tracks(self) -> np.ndarray:
         """(M,) bool: which of them are no markers, but tracks."""
-        return self.coordinates < 3
+        return np.zeros(len(self.rows), dtype=bool) if self.axes is None else ~np.all(np.any(self.axes, axis=2), axis=1)
 
     @property
     def markers(self) -> MarkerRows:
         """The markers alone, which come before the tracks."""
         kept = ~self.tracks
         return replace(
-            self, rows=self.rows[kept], targets=self.targets[:, kept], missing=self.missing[:, kept], told=None
+            self, rows=self.rows[kept], targets=self.targets[:, kept], missing=self.missing[:, kept], axes=None
         )
+
+    def along(self, displacements: np.ndarray) -> np.ndarray:
+        """Displacements (T, M, 3), mm, along the axes of each marker."""
+        return displacements if self.axes is None else _along(self.axes, displacements)
 
     @property
     def gram(self) -> np.ndarray:
@@ -117,9 +121,9 @@ def marker_rows(
     columns = np.concatenate([deltas, helmet]) if len(helmet) else deltas
     missing = np.isnan(displacements[..., 0])
     extra = len(helmet)
-    rows, told = columns.transpose(1, 2, 0), None
+    rows = columns.transpose(1, 2, 0)
     if axes is not None:
-        rows, displacements, told = axes @ rows, along(axes, displacements), (axes**2).sum((1, 2))
+        rows, displacements = axes @ rows, _along(axes, displacements)
     return MarkerRows(
         rows=np.ascontiguousarray(rows),
         targets=np.where(missing[..., None], 0.0, displacements),
@@ -127,10 +131,9 @@ def marker_rows(
         shapes=len(deltas),
         lower=np.r_[bounds[:, 0], np.full(extra, helmet_lower)],
         upper=np.r_[bounds[:, 1], np.ones(extra)],
-        told=told,
+        axes=axes,
     )
 
 
-def along(axes: np.ndarray, displacements: np.ndarray) -> np.ndarray:
-    """Displacements (T, M, 3), mm, along the axes (M, 3, 3) of each marker."""
+def _along(axes: np.ndarray, displacements: np.ndarray) -> np.ndarray:
     return np.einsum("mij,tmj->tmi", axes, displacements, optimize=True)

@@ -26,8 +26,8 @@ def marker_errors(rows: MarkerRows, unknowns: np.ndarray, leverage: np.ndarray) 
         How many of its coordinates the fit swallows; they are put back.
     """
     squared = np.nansum(rows.errors(unknowns) ** 2, axis=0)
-    coordinates = rows.coordinates * np.count_nonzero(~rows.missing, axis=0)
-    free = coordinates * np.maximum(1 - leverage / rows.coordinates, LEAST_FREEDOM)
+    seen = np.count_nonzero(~rows.missing, axis=0)
+    free = seen * np.maximum(rows.coordinates - leverage, LEAST_FREEDOM * rows.coordinates)
     return np.sqrt(np.divide(squared, free, out=np.full(len(free), np.nan), where=free > 0))
 
 
@@ -52,8 +52,8 @@ def trust(errors: np.ndarray) -> np.ndarray:
 def overall(rows: MarkerRows, unknowns: np.ndarray, leverage: np.ndarray, factors: np.ndarray) -> float:
     """Standard deviation of a coordinate, mm, over markers as far as they are trusted."""
     squared = np.nansum((factors * rows.errors(unknowns)) ** 2)
-    coordinates = rows.coordinates * np.count_nonzero(~rows.missing, axis=0)
-    free = max(float((coordinates * (1 - leverage / rows.coordinates)).sum()), LEAST_FREEDOM * coordinates.sum(), 1.0)
+    seen = np.count_nonzero(~rows.missing, axis=0)
+    free = max(float(seen @ (rows.coordinates - leverage)), LEAST_FREEDOM * float(seen @ rows.coordinates), 1.0)
     return float(np.sqrt(squared / free))
 
 

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import os
+from collections.abc import Iterator, Sequence
+from itertools import chain
 
 import numpy as np
+
+from blendcap.data import InputError
+from blendcap.io import write_video
 
 TILE = 480  # pixels across a camera's picture, whatever its own size
 
@@ -28,3 +33,16 @@ def two_by_two(tiles: Sequence[np.ndarray]) -> np.ndarray:
 def even(picture: np.ndarray) -> np.ndarray:
     """A picture of even height and width, as films need it."""
     return np.ascontiguousarray(picture[: picture.shape[0] // 2 * 2, : picture.shape[1] // 2 * 2])
+
+
+def write_tiles(path: str | os.PathLike, pictures: Iterator[np.ndarray], rate: float) -> int:
+    """Write pictures (H, W, 3) uint8 of one size as a video; how many they were."""
+    first = first_of(pictures)
+    return write_video(path, chain([first], pictures), rate, (first.shape[1], first.shape[0]))
+
+
+def first_of(pictures: Iterator[np.ndarray]) -> np.ndarray:
+    """The first picture; refuses a film without one."""
+    for picture in pictures:
+        return picture
+    raise InputError("The head-camera video has no frame; check the files.")

@@ -7,12 +7,11 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 
 import numpy as np
 
-from blendcap.data import Animation, InputError
-from blendcap.io import write_video
+from blendcap.data import Animation
 from blendcap.io.images import write_image
 from blendcap.makeup.setup import Setup
 from blendcap.makeup.stabilization import Stabilizer
-from blendcap.view.camera_tiles import even, tile, two_by_two
+from blendcap.view.camera_tiles import even, first_of, tile, two_by_two, write_tiles
 from blendcap.view.image import draw_text, text_width
 
 COLORS = ((236, 112, 99), (247, 204, 86), (110, 193, 228), (130, 214, 140), (200, 150, 230), (240, 160, 90))
@@ -45,9 +44,7 @@ def write_patches_film(
         Told how many frames are done.
     """
     frames = _pictures(videos, setup, curves, range(len(curves.weights)), progress)
-    first = _first(frames)
-    height, width = first.shape[:2]
-    return write_video(path, _with_first(first, frames), curves.rate, (width, height))
+    return write_tiles(path, frames, curves.rate)
 
 
 def write_patches_picture(
@@ -55,19 +52,8 @@ def write_patches_picture(
 ) -> int:
     """Write one frame of `write_patches_film` as a picture, the one whose curves are highest, and say which it is."""
     frame = int(np.nan_to_num(curves.weights).sum(1).argmax())
-    write_image(path, _first(_pictures(videos, setup, curves, (frame,), lambda _: None)))
+    write_image(path, first_of(_pictures(videos, setup, curves, (frame,), lambda _: None)))
     return frame
-
-
-def _first(frames: Iterator[np.ndarray]) -> np.ndarray:
-    for frame in frames:
-        return frame
-    raise InputError("The head-camera video has no frame; check the files.")
-
-
-def _with_first(first: np.ndarray, others: Iterator[np.ndarray]) -> Iterator[np.ndarray]:
-    yield first
-    yield from others
 
 
 def _pictures(videos, setup: Setup, curves: Animation, wanted: Collection[int], progress) -> Iterator[np.ndarray]:

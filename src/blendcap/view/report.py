@@ -106,9 +106,7 @@ def _summary(solution: Solution) -> str:
 
 def _tracks_card(solution: Solution) -> list[tuple[str, str, str]]:
     """How well the tracks are met, if there are any."""
-    if solution.track_rms is None or not np.isfinite(solution.track_rms).any():
-        return []
-    return [("RMS of the tracks across their lines of sight", _mm(np.sqrt(np.nanmean(solution.track_rms**2))), "")]
+    return [] if solution.track_rms is None else [("RMS of the tracks, a coordinate", _mm(solution.track_rms_mm), "")]
 
 
 def _film(video: str | Path | None) -> str:

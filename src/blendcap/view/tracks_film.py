@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
-from itertools import chain
 
 import numpy as np
 
-from blendcap.data import Camera, InputError, PaintTracks
-from blendcap.io import write_video
+from blendcap.data import Camera, PaintTracks
 from blendcap.io.images import write_image
 from blendcap.rendering import project
-from blendcap.view.camera_tiles import even, tile, two_by_two
+from blendcap.view.camera_tiles import even, first_of, tile, two_by_two, write_tiles
 from blendcap.view.image import draw_text
 
 FOUND, WAY = (120, 230, 140), (236, 112, 99)  # a point that was found, and its way from rest
@@ -42,9 +40,7 @@ def write_tracks_film(
         Told how many frames are done.
     """
     frames = _pictures(videos, cameras, tracks, range(len(tracks.positions)), progress)
-    first = _first(frames)
-    height, width = first.shape[:2]
-    return write_video(path, chain([first], frames), tracks.rate, (width, height))
+    return write_tiles(path, frames, tracks.rate)
 
 
 def write_tracks_picture(
@@ -53,14 +49,8 @@ def write_tracks_picture(
     """Write the frame of `write_tracks_film` in which the points have moved most, and say which it is."""
     moved = np.linalg.norm(tracks.positions - tracks.rest, axis=2)
     frame = int(np.nan_to_num(moved).mean(1).argmax())
-    write_image(path, _first(_pictures(videos, cameras, tracks, (frame,), lambda _: None)))
+    write_image(path, first_of(_pictures(videos, cameras, tracks, (frame,), lambda _: None)))
     return frame
-
-
-def _first(frames: Iterator[np.ndarray]) -> np.ndarray:
-    for frame in frames:
-        return frame
-    raise InputError("The head-camera video has no frame; check the files.")
 
 
 def _pictures(videos, cameras, tracks: PaintTracks, wanted: Collection[int], progress) -> Iterator[np.ndarray]:
