@@ -13,7 +13,7 @@ from blendcap.makeup import training
 from blendcap.makeup.augmentation import warped
 from blendcap.makeup.classifier import margin, tally
 from blendcap.makeup.curves import WINDOWS, classify
-from blendcap.makeup.features import COARSE, MOTION, SOFT, across, features, gabor, gabor_bank, motion
+from blendcap.makeup.features import COARSE, MOTION, SOFT, features, fine_motion, gabor, gabor_bank, motion
 from blendcap.makeup.intensity import measure_intensity
 from blendcap.makeup.labels import soft
 from blendcap.makeup.lesson import Lesson
@@ -170,7 +170,7 @@ def test_votes_of_pairs_elect_the_class_that_wins_all():
 
 def test_features_of_every_kind_follow_their_input():
     image = draw({})["forehead"]
-    for kind in ("gabor", "hog", "edges", "gabor+motion", "across"):
+    for kind in ("gabor", "hog", "edges", "gabor+motion", "fine"):
         same = features([np.stack([image, image])], [image], kind)
         moved = features([np.stack([image, draw({"AU1+2": 1.0})["forehead"]])], [image], kind)
         np.testing.assert_allclose(same[0], same[1], atol=1e-6)
@@ -190,28 +190,6 @@ def test_motion_is_how_far_a_stroke_has_moved():
         assert abs(moved[..., 0].sum() / paint) < 0.2 and np.abs(still).max() < 1e-3 * MOTION
 
 
-def _slanted(right: float = 0.0, down: float = 0.0) -> np.ndarray:
-    """A long stroke that rises to the right by half, moved."""
-    image = np.zeros((44, 56), dtype=np.uint8)
-    ends = np.array([[right - 32.0, down + 52.0], [right + 88.0, down - 8.0]])
-    cv2.polylines(image, [np.round(ends * 16).astype(np.int32)], False, 255, 3, cv2.LINE_AA, 4)
-    return image
-
-
-@pytest.mark.parametrize("shift", [(0.0, 2.0), (1.5, 0.0), (4.0, -2.0)])
-def test_of_a_stroke_only_what_it_moves_across_itself_is_told(shift):
-    normal = np.array([0.5, 1.0]) / np.hypot(0.5, 1.0)
-    told = across(_slanted(*shift), _slanted())[5, 7]
-    np.testing.assert_allclose(told, (normal @ shift) * normal, atol=0.15)
-
-
-def test_a_stroke_that_is_painted_a_little_beside_tells_the_same():
-    first, beside = (across(_slanted(0, 2 + y), _slanted(0, y)) for y in (0, 2))
-    assert np.abs(first - beside)[4:7, 6:9].max() < 0.25
-    sums = [motion(_slanted(0, 2 + y), _slanted(0, y)) / MOTION for y in (0, 2)]
-    assert np.abs(sums[0] - sums[1])[4:7, 6:9].max() > 0.4
-
-
 def test_a_thin_stroke_between_others_that_keep_still_is_seen_to_move():
     def drawn(rise: int) -> np.ndarray:
         image = np.zeros((44, 56), dtype=np.uint8)
@@ -219,10 +197,13 @@ def test_a_thin_stroke_between_others_that_keep_still_is_seen_to_move():
         image[38 - rise : 41 - rise, 20:40] = 255
         return image
 
+    paint = cv2.GaussianBlur(drawn(0), (0, 0), SOFT).astype(np.float32) / 255 * MOTION
+    weight = cv2.resize(paint, (14, 11), interpolation=cv2.INTER_AREA)[9, 6:9].mean()
     for rise in (1, 2):
-        told = across(drawn(rise), drawn(0))[..., 1]
-        assert told[9, 6:9].mean() == pytest.approx(-rise, abs=0.3)
-        assert np.abs(told[[2, 6], 2:11]).max() < 0.2
+        fine, coarse = (kind(drawn(rise), drawn(0))[..., 1] for kind in (fine_motion, motion))
+        assert fine[9, 6:9].mean() / weight == pytest.approx(-rise, abs=0.3)
+        assert abs(coarse[9, 6:9].mean() / weight + rise) > abs(fine[9, 6:9].mean() / weight + rise)
+        assert np.abs(fine[[2, 6], 2:11]).max() < 0.2 * weight
 
 
 def test_takes_teach_together_and_each_unit_need_not_be_in_all():

@@ -68,7 +68,8 @@ def train(
     method
         intensity: regression of intensities. svm: the papers' classes of unit and level.
     features
-        What the machine sees of a patch: gabor, hog, edges or motion, or several joined by +. By region if not given.
+        What the machine sees of a patch: gabor, hog, edges, motion or fine, or several joined by +. By region if not
+        given.
     warps
         Randomly warped copies of the training pictures that are added.
     seed

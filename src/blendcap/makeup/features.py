@@ -21,9 +21,6 @@ CELL = 2  # pixels of a patch to one of a feature, in both directions
 COARSE = 4  # the same of motion
 SOFT = 2.0  # pixels of blur before motion is sought
 MOTION = 25.0  # a pixel of motion counts as much as this: about as much as a Gabor filter's answer
-ALONG = 2.0  # pixels over which a stroke's direction is found, and
-NEAR = 0.6  # cells over which its motion is a mean
-LEAST = 0.02  # of a cell, that paint must cover to count
 
 
 @cache
@@ -78,47 +75,17 @@ def motion(image: np.ndarray, neutral: np.ndarray, finest: int = 1) -> np.ndarra
 
     By dense inverse search (Kroeger et al. 2016, doi:10.1007/978-3-319-46493-0_29), halved `finest` times.
     """
-    moved, paint = _moved(image, neutral, finest)
-    return _coarse(moved * paint[..., None]) * MOTION
+    import cv2
+
+    start, end = (cv2.GaussianBlur(picture, (0, 0), SOFT) for picture in (neutral, image))
+    moved = np.asarray(_flow(finest).calc(start, end, None))  # pyright: ignore[reportCallIssue, reportArgumentType]
+    moved = moved * (start.astype(np.float32)[..., None] / 255) * MOTION
+    return cv2.resize(moved, (image.shape[1] // COARSE, image.shape[0] // COARSE), interpolation=cv2.INTER_AREA)
 
 
 def fine_motion(image: np.ndarray, neutral: np.ndarray) -> np.ndarray:
     """Motion to the last pixel: sees thin strokes that move by one or two, but also trembles along long ones."""
     return motion(image, neutral, finest=0)
-
-
-def across(image: np.ndarray, neutral: np.ndarray) -> np.ndarray:
-    """How far each stroke of a patch (h, w) uint8 has moved across itself, pixels (h / 4, w / 4, 2), where it was.
-
-    Motion along a line is not seen, so it is noise and left out. A mean, not a sum, over the paint around: a stroke
-    that another hand painted a little beside tells the same.
-    """
-    import cv2
-
-    moved, paint = _moved(image, neutral, finest=0)
-    dx, dy = cv2.Sobel(paint, -1, 1, 0), cv2.Sobel(paint, -1, 0, 1)
-    xx, xy, yy = (cv2.GaussianBlur(product, (0, 0), ALONG) for product in (dx * dx, dx * dy, dy * dy))
-    x, y = moved[..., 0], moved[..., 1]
-    crosswise = np.stack([xx * x + xy * y, xy * x + yy * y], axis=-1) * (paint / (xx + yy + 1e-4))[..., None]
-    total, weight = (
-        cv2.GaussianBlur(_coarse(part), (0, 0), NEAR, borderType=cv2.BORDER_CONSTANT) for part in (crosswise, paint)
-    )
-    return total / (weight + LEAST)[..., None]
-
-
-def _moved(image: np.ndarray, neutral: np.ndarray, finest: int) -> tuple[np.ndarray, np.ndarray]:
-    """Motion (h, w, 2) from the neutral patch, pixels, and how much paint (h, w), 0 to 1, is there."""
-    import cv2
-
-    start, end = (cv2.GaussianBlur(picture, (0, 0), SOFT) for picture in (neutral, image))
-    moved = np.asarray(_flow(finest).calc(start, end, None))  # pyright: ignore[reportCallIssue, reportArgumentType]
-    return moved, start.astype(np.float32) / 255
-
-
-def _coarse(field: np.ndarray) -> np.ndarray:
-    import cv2
-
-    return cv2.resize(field, (field.shape[1] // COARSE, field.shape[0] // COARSE), interpolation=cv2.INTER_AREA)
 
 
 @cache
@@ -135,7 +102,7 @@ def _flow(finest: int):
 
 LOOKS: Mapping[str, Callable[[np.ndarray], np.ndarray]] = {"gabor": gabor, "hog": hog, "edges": edges}
 TRAVELS: Mapping[str, Callable[[np.ndarray, np.ndarray], np.ndarray]] = {
-    "motion": motion, "fine": fine_motion, "across": across,
+    "motion": motion, "fine": fine_motion,
 }  # fmt: skip
 FEATURES = (*LOOKS, *TRAVELS)
 

@@ -56,8 +56,8 @@ def train_classifier(
         Ridge regression on intensities, or the papers' classes of unit and level. A regression also learns from units
         that are shown together; of classes a frame is in one, so such frames are left out.
     kind : str, optional
-        The features of all regions: gabor, hog, edges, motion, fine or across, or several joined by +. Each region's
-        own if not given.
+        The features of all regions: gabor, hog, edges, motion or fine, or several joined by +. Each region's own if
+        not given.
     relative : bool
         Take the neutral frame's features off.
     table : {unit: {shape: weight at full intensity}}
