@@ -38,15 +38,15 @@ def shut(said: np.ndarray, true: np.ndarray) -> str:
 def blinks(said: np.ndarray, true: np.ndarray) -> str:
     """Precision and recall of closings, from gaps (T, 2) of either eye, told two frames early or late at most.
 
-    A closing is a run of frames below `CLOSED`, and one that is told stands for one true closing at most. The truth's
+    A closing lasts from the first frame below `CLOSED` until the lid is plainly open, and one that is told stands for one true closing at most. The truth's
     must reach `SHUT`; what is told where the truth is neither that nor plainly open is not counted.
     """
     right = told = asked = 0
     for ours, theirs in zip(said.T, true.T, strict=True):
-        free = [run for run in _runs(theirs < CLOSED) if (theirs[run] < SHUT).any()]
+        free = [run for run in _closings(theirs) if (theirs[run] < SHUT).any()]
         asked += len(free)
         doubtful = near(theirs < OPEN, LATE)
-        for run in _runs(ours < CLOSED):
+        for run in _closings(ours):
             reach = near(run, LATE)
             met = next((k for k, other in enumerate(free) if (reach & other).any()), None)
             if met is not None:
@@ -58,13 +58,20 @@ def blinks(said: np.ndarray, true: np.ndarray) -> str:
 
 def _shut_before(run: np.ndarray, theirs: np.ndarray) -> bool:
     """Whether a told run meets a true closing, which then was told before: one blink told twice."""
-    return any((near(run, LATE) & other).any() for other in _runs(theirs < CLOSED) if (theirs[other] < SHUT).any())
+    return any((near(run, LATE) & other).any() for other in _closings(theirs) if (theirs[other] < SHUT).any())
 
 
-def _runs(flags: np.ndarray) -> list[np.ndarray]:
-    """Each run of flags (T,) as flags of its own."""
-    frames = np.arange(len(flags))
-    return [(first <= frames) & (frames <= last) for first, last in stretches(flags)]
+def _closings(gap: np.ndarray) -> list[np.ndarray]:
+    """Each closing of a lid with the gap (T,), as flags of its own: from shut until it is plainly open again.
+
+    A lid that lingers at `CLOSED` does not blink each time that it crosses it.
+    """
+    frames, joined = np.arange(len(gap)), []
+    for first, last in stretches(gap < CLOSED):
+        if joined and gap[joined[-1][1] : first].max() < OPEN:
+            first = joined.pop()[0]
+        joined.append((first, last))
+    return [(first <= frames) & (frames <= last) for first, last in joined]
 
 
 def near(flags: np.ndarray, frames: int) -> np.ndarray:

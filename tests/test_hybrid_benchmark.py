@@ -48,6 +48,16 @@ def test_a_closing_stands_for_one_closing(counts):
     assert counts.blinks(split, true) == "0.75, 1.00 (6)"  # two told in one
 
 
+def test_a_lid_that_lingers_half_shut_does_not_blink_twice(counts):
+    true = np.ones((60, 2))
+    true[5:30], true[16:18], true[40:44] = 0.2, 0.4, 0.1  # 0.4 is neither shut nor plainly open
+    said = np.ones_like(true)
+    said[5:30], said[40:44] = 0.2, 0.1
+    assert counts.blinks(said, true) == "1.00, 1.00 (4)" == counts.blinks(true, said)
+    true[16:18] = 0.6
+    assert counts.blinks(said, true) == "1.00, 0.67 (6)"
+
+
 def test_shut_lids_are_judged_where_the_truth_is_plain(counts):
     true = np.array([0.1, 0.2, 0.3, 0.4, 0.9, 1.0])[:, None] * [1, 1]
     assert counts.shut(true, true) == "1.00, 1.00 (1.00, 1.00)"

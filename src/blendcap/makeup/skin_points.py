@@ -32,7 +32,8 @@ class SkinPoints(NamedTuple):
 
     def of(self, rows: np.ndarray) -> SkinPoints:
         """The chosen points."""
-        return SkinPoints(*(part[rows] for part in self[:-1]), self.windows.of(rows))
+        pixels, faces, barycentric, rest, axes = (part[rows] for part in self[:-1])
+        return SkinPoints(pixels, faces, barycentric, rest, axes, self.windows.of(rows))
 
 
 def skin_points(picture: np.ndarray, rig: Rig, binding: Binding, camera: Camera) -> SkinPoints:
