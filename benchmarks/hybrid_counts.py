@@ -38,8 +38,9 @@ def shut(said: np.ndarray, true: np.ndarray) -> str:
 def blinks(said: np.ndarray, true: np.ndarray) -> str:
     """Precision and recall of closings, from gaps (T, 2) of either eye, told two frames early or late at most.
 
-    A closing lasts from the first frame below `CLOSED` until the lid is plainly open, and one that is told stands for one true closing at most. The truth's
-    must reach `SHUT`; what is told where the truth is neither that nor plainly open is not counted.
+    A closing lasts from the first frame below `CLOSED` until the lid is plainly open, and one that is told stands for
+    one true closing at most. The truth's must reach `SHUT`; what is told where the truth is neither that nor plainly
+    open is not counted.
     """
     right = told = asked = 0
     for ours, theirs in zip(said.T, true.T, strict=True):
@@ -68,9 +69,8 @@ def _closings(gap: np.ndarray) -> list[np.ndarray]:
     """
     frames, joined = np.arange(len(gap)), []
     for first, last in stretches(gap < CLOSED):
-        if joined and gap[joined[-1][1] : first].max() < OPEN:
-            first = joined.pop()[0]
-        joined.append((first, last))
+        lingers = joined and gap[joined[-1][1] : first].max() < OPEN
+        joined.append((joined.pop()[0] if lingers else first, last))
     return [(first <= frames) & (frames <= last) for first, last in joined]
 
 
