@@ -1,9 +1,9 @@
 """Makeup patches: how well action units are told, and what they add to the marker solve.
 
-    python benchmarks/hybrid.py [--cache FOLDER] [--faces mannequin ICT] [--parts solve units flaws] [--brief]
+    python benchmarks/hybrid.py [--cache FOLDER] [--faces mannequin ICT] [--parts solve layouts units flaws] [--brief]
 
 Films take most of the time; what was cut from them is kept in the cache folder, and of those that are solved all
-frames, 0.5 GB each. `--brief` leaves out of the solves the papers' method and all other layouts of markers.
+frames, 0.5 GB each. `--brief` leaves out of `solve` the papers' method and machine, and the extremes.
 """
 
 from __future__ import annotations
@@ -23,11 +23,12 @@ from blendcap.makeup.training import is_clear, recognized, train_classifier
 from blendcap.makeup.units import PAPER_REGIONS
 from hybrid_counts import hits
 from hybrid_data import PEOPLE, UNITS, exercise, lessons
-from hybrid_solves import BRIEF, FLAW_TEXT, GAINS_TEXT, RUNS, SOLVE_TEXT, failures, hybrid
+from hybrid_solves import BRIEF, FLAW_TEXT, GAINS_TEXT, LAYOUTS, RUNS, SOLVE_TEXT, failures, hybrid
 from results import write_section
 
 SQUEEZED = 0.45  # AU6 for AU45 from which on a shut lid is 6+43; lessons have up to 0.22 with 45, from 0.57 with 6+43
-PARTS = ("solve", "units", "flaws")
+PARTS = ("solve", "layouts", "units", "flaws")
+SOLVES = {"solve": ("The hybrid solve", RUNS), "layouts": ("The hybrid solve with other markers", LAYOUTS)}
 NEAR = 0.25  # an intensity that errs by less is right
 
 
@@ -44,7 +45,8 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as temporary:
         folder = chosen.cache or Path(temporary)
         folder.mkdir(parents=True, exist_ok=True)
-        methods = ("intensity",) if chosen.brief else ("intensity", "svm")
+        both = "units" in chosen.parts or ("solve" in chosen.parts and not chosen.brief)
+        methods = ("intensity", "svm") if both else ("intensity",)
         trained = {kind: _trained(kind, folder, methods) for kind in chosen.faces}
         for part in chosen.parts:  # each is written as soon as it is done
             write_section(*_measured(part, trained, folder, chosen.brief, command))
@@ -54,14 +56,14 @@ def _measured(part: str, trained: dict[str, dict], folder: Path, brief: bool, co
     """Title, command and text of a section."""
     rows, gains = [], []
     for kind, machines in trained.items():
-        if part == "solve":
-            hybrid(kind, machines, folder, rows, gains, BRIEF if brief else RUNS)
+        if part in SOLVES:
+            hybrid(kind, machines, folder, rows, gains, BRIEF if part == "solve" and brief else SOLVES[part][1])
         elif part == "units":
             recognition(kind, machines, folder, rows)
         else:
             failures(kind, machines, folder, rows)
-    if part == "solve":
-        title = "The hybrid solve" + ", in brief" * brief
+    if part in SOLVES:
+        title = SOLVES[part][0] + ", in brief" * (part == "solve" and brief)
         return title, command, SOLVE_TEXT + "\n".join(rows) + GAINS_TEXT + "\n".join(gains)
     title, text = {"units": ("Action units from makeup patches", UNITS_TEXT),
                    "flaws": ("The hybrid solve when things go wrong", FLAW_TEXT)}[part]  # fmt: skip

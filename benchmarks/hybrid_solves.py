@@ -31,12 +31,15 @@ WAYS = {  # name: whose curves, and whether the paint is followed
     "true curves of all shapes": ("truth, all shapes", False),
 }
 FLAWED = ("markers only", "curves", "tracks", "curves and tracks")
-BRIEF = tuple(("50", "learned", way) for way in WAYS if way != "curves of the SVM")
+UNSOLVED = (("", "true weights", "unsolved"), ("", "best weights", "unsolved"))
+BRIEF = (*(("50", "learned", way) for way in WAYS if way != "curves of the SVM"), *UNSOLVED)
 RUNS = (
     *BRIEF,
     ("50", "learned", "curves of the SVM"),
     *(("50", "paper", way) for way in ("markers only", "curves of the SVM", "curves", "true curves")),
-    *((layout, "learned", way) for layout in list(MARKERS)[1:] for way in ("markers only", "curves and tracks")),
+)
+LAYOUTS = tuple(
+    (layout, "learned", way) for layout in list(MARKERS)[1:] for way in ("markers only", "curves and tracks")
 )
 PAIRS = (
     ("curves (the papers' idea)", ("50", "learned", "curves"), ("50", "learned", "markers only")),
@@ -45,7 +48,7 @@ PAIRS = (
     ("true weights as curves", ("50", "learned", "true curves"), ("50", "learned", "markers only")),
     ("true weights of all shapes as curves", ("50", "learned", "true curves of all shapes"),
      ("50", "learned", "markers only")),
-    ("best weights, unsolved", ("", "best", ""), ("50", "learned", "markers only")),
+    ("best weights, unsolved", ("", "best weights", "unsolved"), ("50", "learned", "markers only")),
     ("the papers' solve and machine", ("50", "paper", "curves of the SVM"), ("50", "paper", "markers only")),
     ("the papers' solve, default machine", ("50", "paper", "curves"), ("50", "paper", "markers only")),
     ("the papers' solve, true weights as curves", ("50", "paper", "true curves"), ("50", "paper", "markers only")),
@@ -58,8 +61,8 @@ PAIRS = (
      ("50, lids too", "learned", "markers only")),
 )  # fmt: skip
 
-SOLVE_TEXT = """A real performance (alex_rom_3) played by performers who are not the rig, and the thesis' two extremes,
-puckered lips that swing from side to side and a frown; noise 0.2 mm, misplacement 1.5 mm, slip 2 mm and 2 degrees,
+SOLVE_TEXT = """A real performance (alex_rom_3) played by performers who are not the rig; "extremes": the thesis' two,
+puckered lips that swing from side to side, and a frown; noise 0.2 mm, misplacement 1.5 mm, slip 2 mm and 2 degrees,
 5 % occluded; places of the markers as a technician would give them. Markers lie on skin that bears no paint and is no
 lid; "lids too": anywhere on the skin. The solver's rig has the template's shapes, transferred to a neutral that errs
 by 0.5 mm; its answers are judged on the performer's own neutral.
@@ -108,26 +111,30 @@ def hybrid(
 ) -> None:  # fmt: skip
     """Marker-only against hybrid on the same markers; and hybrid with 30 against marker-only with 100."""
     films = (("performance", played, chosen), ("extremes", extremes, BRIEF))
-    for title, film, runs in films[:1] if chosen is BRIEF else films:
+    for title, film, runs in films if chosen is RUNS else films[:1]:
         errors: dict[tuple, list] = defaultdict(list)
         for person in PEOPLE[kind]:
             filmed = film(kind, person, folder)
             curves = {"": None} | {method: curves_of(filmed, machine) for method, machine in trained.items()}
             curves["truth"] = _truth(filmed, curves["intensity"].names)
             curves["truth, all shapes"] = _truth(filmed, filmed.truth.animation.names)
-            for layout, method, way in runs:
-                whose, followed = WAYS[way]
-                take, truth, binding = worn(filmed, *MARKERS[layout])
-                answer = solved(filmed, take, binding, curves[whose], followed, method)
-                cells, numbers = _judged(filmed, truth, answer)
-                errors[layout, method, way].append(numbers)
+            for run in runs:
+                cells, numbers = _judged(filmed, *_answered(filmed, run, curves))
+                errors[run].append(numbers)
+                layout, method, way = run
                 rows.append(f"| {kind} | {person}, {title} | {layout} | {method}, {way} | {cells} |")
                 print(rows[-1], flush=True)
-            for way, weights in (("true", filmed.truth.animation), ("best", _best(filmed))):
-                cells, numbers = _judged(filmed, filmed.truth, weights)
-                errors["", way, ""].append(numbers)
-                rows.append(f"| {kind} | {person}, {title} | | {way} weights, unsolved | {cells} |")
         gains += _gains(kind, title, errors)
+
+
+def _answered(filmed: Filmed, run: tuple[str, str, str], curves: dict[str, Animation | None]) -> tuple:
+    """The truth of a run's markers, and the weights that it gives."""
+    if run in UNSOLVED:
+        return filmed.truth, _best(filmed) if run[1] == "best weights" else filmed.truth.animation
+    layout, method, way = run
+    whose, followed = WAYS[way]
+    take, truth, binding = worn(filmed, *MARKERS[layout])
+    return truth, solved(filmed, take, binding, curves[whose], followed, method)
 
 
 def _gains(kind: str, title: str, errors: dict[tuple, list]) -> list[str]:
