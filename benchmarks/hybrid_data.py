@@ -31,8 +31,9 @@ from blendcap.makeup.patches import Patches, extract_patches
 from blendcap.makeup.setup import locate
 from blendcap.makeup.units import ARKIT_TABLE
 from blendcap.modeling.contacts import find_contacts
+from blendcap.numerics.similarity import apply
 from blendcap.synthetic.exercises import TRAINED, Exercise, action_units, frown, lip_swing
-from blendcap.synthetic.head_camera import film_head, mount_head_camera
+from blendcap.synthetic.head_camera import film_head, mount_head_camera, slip_matrices
 from blendcap.synthetic.makeup import draw_makeup
 from blendcap.synthetic.paint import Stroke
 from blendcap.synthetic.performances import for_rig
@@ -234,12 +235,16 @@ def extremes(kind: str, person: int, cache_folder: Path) -> Filmed:
 
 
 def worn(filmed: Filmed, count: int, between_paint: bool) -> tuple[MarkerTake, Truth, Binding]:
-    """The same performance with other markers: more, fewer, or on the lids, too; the film stays."""
+    """The same performance with other markers, more, fewer, or on the lids, too: the film's helmet slips as it does."""
     if between_paint and count == len(filmed.take.names):
         return filmed.take, filmed.truth, filmed.binding
     own, seed = filmed.own, filmed.seed
     points = between(own, filmed.makeup, count, seed) if between_paint else choose_points(own, count, seed=seed)
-    take, truth = make_take(filmed.truth.performer, filmed.acted, points, seed=200 + seed)
+    take, truth = make_take(filmed.truth.performer, filmed.acted, points, seed=200 + seed, slip=(0.0, 0.0))
+    matrices = slip_matrices(filmed.truth)
+    seen, true = (apply(part.positions, matrices[:, :3, :3], matrices[:, :3, 3]) for part in (take, truth))
+    slip, pivot = filmed.truth.slip, filmed.truth.pivot
+    take, truth = replace(take, positions=seen), replace(truth, slip=slip, pivot=pivot, positions=true)
     return take, truth, blendcap.bind(filmed.rig, take, points)
 
 

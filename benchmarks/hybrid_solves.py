@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 import blendcap
-from blendcap import Animation, Binding, MarkerTake, PaintTracks, SolveSettings, SurfacePoints
+from blendcap import Animation, Binding, MarkerTake, PaintTracks, SolveSettings
 from blendcap.data.anatomy import is_skin
 from blendcap.makeup.classifier import PatchClassifier
 from blendcap.makeup.curves import classify
@@ -168,9 +168,7 @@ def _without_dots(tracks: PaintTracks, filmed: Filmed) -> PaintTracks:
     dots = filmed.truth.positions[0]
     apart = np.linalg.norm(tracks.rest[:, None] - dots, axis=2).min(1)
     kept = np.flatnonzero(apart > DOT)
-    points = SurfacePoints(
-        tuple(tracks.points.names[k] for k in kept), tracks.points.faces[kept], tracks.points.barycentric[kept]
-    )
+    points = tracks.points.select([tracks.points.names[k] for k in kept])
     parts = {name: getattr(tracks, name)[kept] for name in ("cameras", "rest", "axes")}
     return replace(tracks, points=points, positions=tracks.positions[:, kept], **parts)
 

@@ -86,3 +86,22 @@ def test_kept_frames_are_made_once_and_read_as_they_were(benchmark_module, tmp_p
     told = np.array([list(frames) for frames in dark])
     np.testing.assert_array_equal(told[0, 0], 0)
     np.testing.assert_array_equal(told.reshape(6, 4, 5)[1:], pictures.reshape(6, 4, 5)[1:])
+
+
+def test_other_markers_are_worn_in_the_same_slipping_helmet(benchmark_module):
+    film = benchmark_module("hybrid_data")
+    own, rig = film.face("mannequin", 1), film.given("mannequin", 1)
+    performer = film.make_performer(own, seed=1)
+    weights = np.zeros((30, len(own.names)))
+    weights[:, 0] = np.linspace(0, 1, 30)
+    acted = film.Animation(weights, own.names, 24.0)
+    take, truth = film.make_take(performer, acted, film.choose_points(own, 40, seed=1), seed=1)
+    filmed = SimpleNamespace(rig=rig, own=own, acted=acted, take=take, truth=truth, seed=1)
+    other, told, _ = film.worn(filmed, 20, False)
+    np.testing.assert_array_equal(told.slip, truth.slip)
+    rest, deltas = performer.rig.sample(told.points)
+    still = rest + np.tensordot(performer.expand(truth.animation.weights), deltas, axes=1)
+    slipped = film.slip_matrices(truth)
+    expected = np.einsum("tij,tkj->tki", slipped[:, :3, :3], still) + slipped[:, None, :3, 3]
+    np.testing.assert_allclose(told.positions, expected, atol=1e-9)
+    assert np.nanstd(other.positions - told.positions) < 0.25 and np.abs(truth.slip).max() > 1.0
