@@ -142,6 +142,14 @@ def test_following_is_the_same_every_time(film):
     np.testing.assert_array_equal(film.follow().positions, film.tracks.positions)
 
 
+def test_a_picture_of_twice_the_size_tells_the_same(film):
+    large = [part.repeat(2, axis=1).repeat(2, axis=2) for part in film.pictures]
+    to_large = np.array([[2, 0, 0.5], [0, 2, 0.5], [0, 0, 1]])
+    cameras = [replace(camera, intrinsics=to_large @ camera.intrinsics) for camera in film.helmet.cameras[:VIEWS]]
+    tracks = film.follow(large, cameras=cameras)
+    np.testing.assert_allclose(tracks.positions, film.tracks.positions, atol=1e-6)
+
+
 def test_points_are_apart_and_on_skin_alone(film):
     camera = film.helmet.cameras[0]
     points = skin_points(film.pictures[0][0].astype(np.float32), film.rig, film.binding, camera)

@@ -43,8 +43,8 @@ def lids_of(rig: Rig, points: SkinPoints) -> list[Lid]:
 class Follower:
     """Finds the points of the neutral picture in one picture after the other."""
 
-    def __init__(self, points: SkinPoints, lids: list[Lid]):
-        self.windows, self.lids = points.windows, lids
+    def __init__(self, points: SkinPoints, lids: list[Lid], scale: int = 1):
+        self.windows, self.lids, self.scale = points.windows, lids, scale
         self.offset = np.zeros_like(points.pixels)  # how far the points were from where they were expected
         self.keep = np.einsum("kim,kin->kmn", points.axes, points.axes)  # only what is surely seen is carried on
 
@@ -59,7 +59,7 @@ class Follower:
         frame : int
             Of the guesses.
         """
-        picture = soft(picture)
+        picture = soft(picture, self.scale)
         start = guess.pixels[frame] + self.offset
         found, correlation = self.windows.find(picture, start, guess.warps[frame])
         for lid, elsewhere in zip(self.lids, lids, strict=True):
@@ -77,8 +77,12 @@ class Follower:
         return np.where(good[:, None], found, np.nan)
 
 
-def soft(picture: np.ndarray) -> np.ndarray:
-    """A picture (H, W) float32 with less noise."""
+def soft(picture: np.ndarray, scale: int = 1) -> np.ndarray:
+    """A picture (H, W) float32 with less noise; `scale` pixels in each direction become one."""
     import cv2
 
+    if scale > 1:
+        size = (picture.shape[1] // scale, picture.shape[0] // scale)
+        whole = np.ascontiguousarray(picture[: size[1] * scale, : size[0] * scale])
+        picture = cv2.resize(whole, size, interpolation=cv2.INTER_AREA)
     return cv2.GaussianBlur(picture.astype(np.float32), (0, 0), BLUR)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from blendcap.makeup.follower import LEVELS, Follower, lids_of, soft
 from blendcap.makeup.skin_points import SkinPoints, skin_points
 from blendcap.rendering import project, sight_lines
 
+HEIGHT = 480  # pixels: taller pictures are made smaller by a whole number, as windows and steps are in pixels
 BLOCK = 240  # frames whose expected places are laid out at once
 
 
@@ -86,9 +88,11 @@ def _follow(
     neutral, count = next(video, None), len(expected.weights)
     if neutral is None:
         raise InputError(f"The video of camera {view} has no frame; check the file.")
-    points = skin_points(soft(neutral), rig, binding, camera)
+    scale = max(1, round(neutral.shape[0] / HEIGHT))
+    camera = _reduced(camera, scale)
+    points = skin_points(soft(neutral, scale), rig, binding, camera)
     lids = lids_of(rig, points)
-    follower = Follower(points, lids)
+    follower = Follower(points, lids, scale)
     positions = [points.rest[None]]
     for start in range(1, count, BLOCK):
         frames = slice(start, min(start + BLOCK, count))
@@ -114,6 +118,12 @@ def _follow(
             f"The video of camera {view} has more frames than the take, which has {count}; cut both alike."
         )
     return points, np.concatenate(positions)
+
+
+def _reduced(camera: Camera, scale: int) -> Camera:
+    """The camera of pictures of which so many pixels in each direction have become one."""
+    to_small = np.array([[1 / scale, 0, 0.5 / scale - 0.5], [0, 1 / scale, 0.5 / scale - 0.5], [0, 0, 1]])
+    return replace(camera, intrinsics=to_small @ camera.intrinsics)
 
 
 def _as_tracks(found: Sequence[tuple[SkinPoints, np.ndarray]], cameras: Sequence[Camera], rate: float) -> PaintTracks:
