@@ -172,6 +172,24 @@ def test_a_helmet_that_slips_takes_the_tracks_along():
     assert np.abs(solution.helmet[:, 3:] - truth.slip[:, 3:]).max() < 0.01
 
 
+def test_tracks_of_another_time_are_told(bare, caplog):
+    tracks = seen_from(bare, [0, 0, 250])
+    for wrong in (tracks.positions[::-1], np.roll(tracks.positions, 90, axis=0)):
+        caplog.clear()
+        solved(bare, replace(tracks, positions=wrong))
+        assert any("hardly move as the markers do" in message for message in caplog.messages)
+
+
+@pytest.mark.parametrize(("late", "words"), [(2, "2 frames before"), (-3, "3 frames after"), (0, "")])
+def test_a_film_that_is_early_or_late_is_told(bare, caplog, late, words):
+    """Tracks that come late are of a film that began before the markers."""
+    tracks = seen_from(bare, [0, 0, 250])
+    caplog.clear()
+    solved(bare, replace(tracks, positions=np.roll(tracks.positions, late, axis=0)))
+    said = [message for message in caplog.messages if "film seems" in message or "hardly" in message]
+    assert len(said) == bool(late) and all(words in message for message in said)
+
+
 @pytest.mark.parametrize(
     ("change", "settings", "sentence"),
     [

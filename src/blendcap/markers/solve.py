@@ -11,6 +11,7 @@ import numpy as np
 
 from blendcap.data import Animation, Binding, InputError, MarkerTake, PaintTracks, Rig, Solution
 from blendcap.data.names import listed
+from blendcap.markers.agreement import check_agreement
 from blendcap.markers.helmet import paper_motion, remove_motion, rigid_motion
 from blendcap.markers.problem import MarkerProblem, marker_problem
 from blendcap.solving.answer import Answer
@@ -95,6 +96,8 @@ def solve(
     times = np.arange(len(take.positions)) / take.rate
     curves = None if patches is None else curves_for(rig.names, patches, times, patches_offset, rig.name)
     problem = marker_problem(in_shares(rig), take, binding, settings, clock.begin, tracks)
+    if tracks is not None:
+        check_agreement(problem.rows, take.rate)
     clock.begin("solving")
     answer = solve_rows(
         problem.rig, problem.rows, take.rate, problem.noise, settings, curves=curves,
