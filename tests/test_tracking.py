@@ -150,6 +150,14 @@ def test_a_picture_of_twice_the_size_tells_the_same(film):
     np.testing.assert_allclose(tracks.positions, film.tracks.positions, atol=1e-6)
 
 
+def test_sliders_to_a_hundred_are_followed_like_all_others(film):
+    bounds, deltas = 100 * film.rig.bounds, film.rig.deltas / 100
+    rig = replace(film.rig, deltas=deltas, bounds=bounds)
+    first = replace(film.first, animation=replace(film.first.animation, weights=100 * film.first.animation.weights))
+    tracks = track_paint(film.pictures, rig, film.take, film.binding, film.helmet.cameras[:VIEWS], first)
+    np.testing.assert_allclose(tracks.positions, film.tracks.positions, atol=1e-3)
+
+
 def test_points_are_apart_and_on_skin_alone(film):
     camera = film.helmet.cameras[0]
     points = skin_points(film.pictures[0][0].astype(np.float32), film.rig, film.binding, camera)

@@ -30,10 +30,13 @@ class Expectation:
     Parameters
     ----------
     rig : Rig
+        Its weights are shares of a full shape (`in_shares`).
     take : MarkerTake
     binding : Binding
     solution : Solution
         Of that take, rig and binding.
+    full : (N,)
+        The weight of the solution that is all of each shape.
 
     Raises
     ------
@@ -41,12 +44,12 @@ class Expectation:
         If no frame has enough markers to place the face, or the solution does not say where it put them.
     """
 
-    def __init__(self, rig: Rig, take: MarkerTake, binding: Binding, solution: Solution):
+    def __init__(self, rig: Rig, take: MarkerTake, binding: Binding, solution: Solution, full: np.ndarray):
         fitted = solution.fitted
         if fitted is None:
             raise InputError("The solution does not say where it put the markers; give one of blendcap.solve.")
         self.rig, self.binding = rig, binding
-        self.weights = solution.animation.select(rig.names).weights
+        self.weights = solution.animation.select(rig.names).weights / full
         seen = binding.to_rig(take.select(solution.marker_names).positions)
         seen = np.where(np.isfinite(fitted).all(2, keepdims=True), seen, np.nan)
         enough = np.isfinite(seen).all(2).sum(1) >= FEWEST
@@ -59,7 +62,7 @@ class Expectation:
     def guess(
         self, points: SkinPoints, camera: Camera, frames: slice, instead: Mapping[int, float] | None = None
     ) -> Guess:
-        """Where points are in some frames; `instead` are weights of shapes, by row, that stand for the solve's."""
+        """Where points are in some frames; `instead` are shares of shapes, by row, that stand for the solve's."""
         rest = self.rig.mesh.vertices[self.rig.mesh.faces[points.faces]]
         corners = self._corners(points.faces, frames, instead or {})
         places = np.einsum("kc,fkcd->fkd", points.barycentric, corners)

@@ -17,7 +17,7 @@ SURE = 0.95  # mean correlation of a lid's points below which it is sought elsew
 FARTHEST = 10.0  # pixels from where a point is sought
 KEPT = 0.8  # of how far a point was from where it was expected, in each frame in which it is lost
 BLUR = 0.7  # pixels, against noise
-LEVELS = (0.0, 0.25, 0.5, 0.75, 1.0)  # weights of a blink at which a lid is sought
+LEVELS = (0.0, 0.25, 0.5, 0.75, 1.0)  # shares of a blink at which a lid is sought
 CARRIED = 2.0  # mm by which a blink carries the points of a lid
 
 

@@ -17,6 +17,7 @@ from blendcap.makeup.expectation import Expectation
 from blendcap.makeup.follower import LEVELS, Follower, lids_of, soft
 from blendcap.makeup.skin_points import SkinPoints, skin_points
 from blendcap.rendering import project, sight_lines
+from blendcap.solving.shares import full_weights, in_shares
 
 HEIGHT = 480  # pixels: taller pictures are made smaller by a whole number, as windows and steps are in pixels
 BLOCK = 240  # frames whose expected places are laid out at once
@@ -60,7 +61,8 @@ def track_paint(
     """
     if len(videos) != len(cameras):
         raise InputError(f"Videos: {len(videos)}; cameras: {len(cameras)}. Give one video a camera, in their order.")
-    expected = Expectation(rig, take, binding, solution)
+    rig, full = in_shares(rig), full_weights(rig)  # millimetres a shape and levels of a blink are those of all of it
+    expected = Expectation(rig, take, binding, solution, full)
     done = [0] * len(cameras)
 
     def follow(view: int) -> tuple[SkinPoints, np.ndarray]:
