@@ -47,9 +47,10 @@ MORE = ("1", "2", "5", "6", "10", "12", "15", "20", "26", "63", "64")  # units t
 SCAN = 0.5  # mm by which the neutral of the solver's rig errs, as smooth as faces differ
 REACH = 10.0  # mm from a vertex to the regions of the bent mannequin
 APART = 3.0  # mm from the middle of a stroke to that of a marker, at least
+SHARED = "lip_red"  # paint that gives way to markers: lips bear both
 ASIDE = {"10L+12L+18L+23L": "AU10+12+18+23L", "10R+12R+18R+23R": "AU10+12+18+23R"}
 UNITS = tuple(ASIDE.get(unit, f"AU{unit}") for unit in TRAINED)
-PEOPLE = {"mannequin": (1, 9, 12), "ICT": (101, 102, 103)}  # the first is the teacher
+PEOPLE = {"mannequin": (1, 21, 22), "ICT": (101, 111, 112)}  # the first is the teacher
 PLAYED = {"mannequin": ("alexdjulin_alex_rom_3.csv", 3300, 3700), "ICT": ("alexdjulin_alex_rom_3.csv", 3630, 4030)}
 
 
@@ -171,8 +172,8 @@ def _kept(path: Path, shoot: Callable[[], Sequence[Shot]]) -> np.ndarray:
 
 
 def between(rig: Rig, makeup: Sequence[Stroke], count: int, seed: int) -> SurfacePoints:
-    """Markers spread over the skin that neither bears paint nor is a lid."""
-    paint = cKDTree(np.concatenate([stroke.points for stroke in makeup]))
+    """Markers spread over the skin that neither bears paint, but on the red of the lips, nor is a lid."""
+    paint = cKDTree(np.concatenate([stroke.points for stroke in makeup if not stroke.name.startswith(SHARED)]))
     painted = np.flatnonzero(paint.query(rig.mesh.vertices)[0] < APART)
     taken = np.concatenate([painted, rig.regions["lids"]])
     free = {name: np.setdiff1d(vertices, taken) for name, vertices in rig.regions.items()}

@@ -46,6 +46,7 @@ _HOMES = {
     # solving
     "bind": "markers.binding",
     "solve": "markers.solve",
+    "refine_from_take": "markers.personal",
     "SolveSettings": "solving.settings",
     "solve_box": "numerics.boxls",
     "train_classifier": "makeup.training",
@@ -83,6 +84,7 @@ if TYPE_CHECKING:
     from blendcap.makeup.tracking import track_paint as track_paint
     from blendcap.makeup.training import train_classifier as train_classifier
     from blendcap.markers.binding import bind as bind
+    from blendcap.markers.personal import refine_from_take as refine_from_take
     from blendcap.markers.solve import solve as solve
     from blendcap.metrics import evaluate as evaluate
     from blendcap.modeling.detail import bake_normals as bake_normals

@@ -1,4 +1,4 @@
-"""blendcap rig: build and convert rigs."""
+"""blendcap rig: build, refine and convert rigs."""
 
 from __future__ import annotations
 
@@ -10,12 +10,14 @@ from cyclopts import App
 
 import blendcap
 from blendcap.cli.rig_build import build
+from blendcap.cli.rig_refine import refine
 
 if TYPE_CHECKING:
     from blendcap.data import Rig
 
 rig = App(name="rig", help="Make and convert rigs.")
 rig.command(build)
+rig.command(refine)
 
 
 @rig.command

@@ -15,7 +15,7 @@ from blendcap.cli.answers import AsJson, print_json, print_lines
 from blendcap.cli.films import thin_film, writes
 from blendcap.cli.outputs import ANIMATIONS, PAGES, PICTURES, PLACES, VIDEOS, check_outputs
 from blendcap.cli.progress import Progress
-from blendcap.cli.solve_inputs import check_inputs
+from blendcap.cli.solve_inputs import Captured, Inputs
 
 PLACES_SIZE = (1920, 1080)  # room for the names of the markers
 
@@ -101,13 +101,7 @@ def solve(
     /,
     *,
     outputs: Outputs,
-    rig: Path,
-    rom: Path | None = None,
-    correspondences: Path | None = None,
-    patches: Path | None = None,
-    patches_offset: float | None = None,
-    tracks: Path | None = None,
-    unit: Literal["mm", "cm", "dm", "m", "in", "ft"] | None = None,
+    inputs: Inputs,
     choices: Choices = Choices(),
     as_json: AsJson = False,
 ) -> None:
@@ -117,50 +111,23 @@ def solve(
     ----------
     take
         The markers: .c3d, .trc or .csv. The first frames should be neutral.
-    rig
-        The rig to drive: .glb, .npz, a folder of .obj files or an ICT-FaceKit folder.
-    rom
-        A range-of-motion take of the same markers; it places the markers on the rig more exactly.
-    correspondences
-        A .json that says where each marker sits: {"NoseTip": 4321, "ChinL": "landmarks68/9"}. Found from the shape of
-        the marker cloud if not given: check the picture then.
-    patches
-        A .csv of curves by shape names that makeup patches tell, from `blendcap facs predict`: the hybrid solve.
-    patches_offset
-        Seconds by which the video of the patches begins after the take; needed only if they differ in length.
-    tracks
-        A .npz of paint that was followed between the markers, from `blendcap facs track`.
-    unit
-        The unit of the take, in place of the one that the file states.
     as_json
         Print the answer as JSON.
     """
-    from blendcap.io import read_animation, read_correspondences, read_markers, read_rig, read_tracks
     from blendcap.view.concerns import concerns
 
-    outputs.check((take, rig, rom, correspondences, patches, tracks))
-    if patches is None and patches_offset is not None:
-        raise blendcap.InputError(
-            "--patches-offset says when the curves of --patches begin; give these, or leave it out."
-        )
+    outputs.check((take, *inputs.files))
     settings = choices.settings()
     progress = Progress(quiet=as_json)
-    with progress.step("read", "Read the rig and the take"):
-        the_rig, the_take = read_rig(rig), read_markers(take, unit=unit)
-        motion = None if rom is None else read_markers(rom, unit=unit)
-        places = None if correspondences is None else read_correspondences(correspondences)
-        curves = None if patches is None else read_animation(patches)
-        followed = None if tracks is None else read_tracks(tracks)
-    check_inputs(take, the_take, the_rig, places, settings)
-    hybrid = {"patches": curves, "patches_offset": patches_offset, "tracks": followed}
-    binding, solution = bind_and_solve(the_rig, the_take, places, motion, settings, progress, **hybrid)
+    given = inputs.read(take, settings, progress)
+    binding, solution = bind_and_solve(given, settings, progress)
     beside = None
-    if (curves is not None or followed is not None) and (outputs.preview or outputs.report):
+    if (given.curves is not None or given.tracks is not None) and (outputs.preview or outputs.report):
         with progress.step("alone", "Solve the markers alone, to compare") as tell, _unwarned():
-            beside = blendcap.solve(the_rig, the_take, binding, settings=settings, progress=tell)
-    told = _shifted(curves, patches_offset)
-    files = write_answers(the_rig, solution, binding, progress, outputs, alone=beside, patches=told)
-    _say(summary(the_take, solution, progress), concerns(the_rig, solution, binding), files, as_json)
+            beside = blendcap.solve(given.rig, given.take, binding, settings=settings, progress=tell)
+    told = _shifted(given.curves, given.offset)
+    files = write_answers(given.rig, solution, binding, progress, outputs, alone=beside, patches=told)
+    _say(summary(given.take, solution, progress), concerns(given.rig, solution, binding), files, as_json)
 
 
 def _say(facts: dict[str, Any], doubts: list[str], files: list[Path], as_json: bool) -> None:
@@ -191,14 +158,11 @@ def _shifted(curves: Animation | None, offset: float | None) -> Animation | None
     return replace(curves, times=curves.times + offset) if curves is not None and offset else curves
 
 
-def bind_and_solve(
-    rig: Rig, take: MarkerTake, places, motion: MarkerTake | None, settings, progress: Progress, **hybrid
-):
-    """The binding and the solution of a take; `hybrid` is what `solve` takes of the paint."""
-    with progress.step("bind", "Place the markers on the rig") as tell:
-        binding = blendcap.bind(rig, take, places, motion, progress=tell)
-    with progress.step("solve", f"Solve {len(take.positions):,} frames") as tell:
-        solution = blendcap.solve(rig, take, binding, settings=settings, progress=tell, **hybrid)
+def bind_and_solve(given: Captured, settings: SolveSettings, progress: Progress) -> tuple[Binding, Solution]:
+    """The binding and the solution of a take."""
+    binding = given.bound(progress)
+    with progress.step("solve", f"Solve {len(given.take.positions):,} frames") as tell:
+        solution = blendcap.solve(given.rig, given.take, binding, settings=settings, progress=tell, **given.paint)
     return binding, solution
 
 

@@ -1,23 +1,93 @@
-"""What `blendcap solve` read is tried before the work: what could not serve is refused, what looks odd is said."""
+"""What is solved: files that are tried before the work; what could not serve is refused, what looks odd is said."""
 
 from __future__ import annotations
 
 import logging
 from collections.abc import Mapping
+from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+
+from cyclopts import Parameter
 
 import blendcap
+from blendcap.cli.progress import Progress
 
 if TYPE_CHECKING:
     from blendcap import SolveSettings
-    from blendcap.data import MarkerTake, Rig
+    from blendcap.data import Animation, Binding, MarkerTake, PaintTracks, Rig
 
 FIRST = 10  # frames that are looked at
 FACE_MM = 40.0, 500.0  # the widest side of the box around markers of a face, those on a helmet too
 
 log = logging.getLogger(__name__)
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Inputs:
+    """The files beside the take."""
+
+    rig: Path
+    """The rig to drive: .glb, .npz, a folder of .obj files or an ICT-FaceKit folder."""
+    rom: Path | None = None
+    """A range-of-motion take of the same markers; it places the markers on the rig more exactly."""
+    correspondences: Path | None = None
+    """A .json that says where each marker sits: {"NoseTip": 4321, "ChinL": "landmarks68/9"}. Found from the shape of
+    the marker cloud if not given: check the picture then."""
+    patches: Path | None = None
+    """A .csv of curves by shape names that makeup patches tell, from `blendcap facs predict`: the hybrid solve."""
+    patches_offset: float | None = None
+    """Seconds by which the video of the patches begins after the take; needed only if they differ in length."""
+    tracks: Path | None = None
+    """A .npz of paint that was followed between the markers, from `blendcap facs track`."""
+    unit: Literal["mm", "cm", "dm", "m", "in", "ft"] | None = None
+    """The unit of the take, in place of the one that the file states."""
+
+    @property
+    def files(self) -> tuple[Path | None, ...]:
+        """All that is read."""
+        return self.rig, self.rom, self.correspondences, self.patches, self.tracks
+
+    def read(self, take: Path, settings: SolveSettings, progress: Progress) -> Captured:
+        """Read everything, and refuse what could not serve."""
+        from blendcap.io import read_animation, read_correspondences, read_markers, read_rig, read_tracks
+
+        if self.patches is None and self.patches_offset is not None:
+            raise blendcap.InputError(
+                "--patches-offset says when the curves of --patches begin; give these, or leave it out."
+            )
+        with progress.step("read", "Read the rig and the take"):
+            rig, markers = read_rig(self.rig), read_markers(take, unit=self.unit)
+            motion = None if self.rom is None else read_markers(self.rom, unit=self.unit)
+            places = None if self.correspondences is None else read_correspondences(self.correspondences)
+            curves = None if self.patches is None else read_animation(self.patches)
+            followed = None if self.tracks is None else read_tracks(self.tracks)
+        check_inputs(take, markers, rig, places, settings)
+        return Captured(rig, markers, places, motion, curves, self.patches_offset, followed)
+
+
+class Captured(NamedTuple):
+    """What was read."""
+
+    rig: Rig
+    take: MarkerTake
+    places: Mapping[str, Any] | None = None
+    motion: MarkerTake | None = None
+    curves: Animation | None = None
+    offset: float | None = None
+    tracks: PaintTracks | None = None
+
+    @property
+    def paint(self) -> dict[str, Any]:
+        """What `solve` takes of the paint."""
+        return {"patches": self.curves, "patches_offset": self.offset, "tracks": self.tracks}
+
+    def bound(self, progress: Progress) -> Binding:
+        """The markers on the rig."""
+        with progress.step("bind", "Place the markers on the rig") as tell:
+            return blendcap.bind(self.rig, self.take, self.places, self.motion, progress=tell)
 
 
 def check_inputs(

@@ -1,7 +1,7 @@
 """Where on a face the makeup patches are: rectangles placed by the 68 landmarks, in pixels or in space.
 
 After Figure 7 of Reading Between the Dots (2016): the forehead in two parts, between the brows with the root of the
-nose, the eyes, the lips.
+nose, the eyes, the lips. The sides of the nose are ours.
 """
 
 from __future__ import annotations
@@ -32,6 +32,8 @@ PATCHES: Mapping[str, Patch] = {
     "glabella": Patch((21, 22, 27), (0.0, -0.05), (0.42, 0.54)),
     "eye_right": Patch((36, 37, 38, 39, 40, 41), (0.0, -0.03), (0.50, 0.42)),
     "eye_left": Patch((42, 43, 44, 45, 46, 47), (0.0, -0.03), (0.50, 0.42)),
+    "nose_right": Patch((31,), (-0.05, 0.09), (0.28, 0.32)),
+    "nose_left": Patch((35,), (0.05, 0.09), (0.28, 0.32)),
     "mouth_right": Patch((48, 51, 57), (0.0, 0.0), (0.56, 0.50)),
     "mouth_left": Patch((54, 51, 57), (0.0, 0.0), (0.56, 0.50)),
 }

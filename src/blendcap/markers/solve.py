@@ -91,24 +91,38 @@ def solve(
         patches have another length, or speak of a shape that the rig has not, or the tracks are not of this take and
         rig.
     """
-    _check(rig)
+    check_rig(rig)
     settings, clock = settings or SolveSettings(), _Clock(progress)
+    curves = curves_of_take(rig, take, patches, patches_offset)
+    problem, answer = answered(rig, take, binding, curves, tracks, settings, clock.begin)
+    clock.stop()
+    return as_solution(problem, answer, full_weights(rig), curves, settings, clock.seconds)
+
+
+def curves_of_take(rig: Rig, take: MarkerTake, patches: Animation | None, offset: float | None) -> Curves | None:
+    """The patches' curves, frame by frame of the take; None if there are none."""
     times = np.arange(len(take.positions)) / take.rate
-    curves = None if patches is None else curves_for(rig.names, patches, times, patches_offset, rig.name)
-    problem = marker_problem(in_shares(rig), take, binding, settings, clock.begin, tracks)
+    return None if patches is None else curves_for(rig.names, patches, times, offset, rig.name)
+
+
+def answered(
+    rig: Rig, take: MarkerTake, binding: Binding, curves: Curves | None, tracks: PaintTracks | None,
+    settings: SolveSettings, begin: Callable[..., None],
+) -> tuple[MarkerProblem, Answer]:  # fmt: skip
+    """The take as rows, and their solution; `begin` is told the step that begins and, perhaps, its detail."""
+    problem = marker_problem(in_shares(rig), take, binding, settings, begin, tracks)
     if tracks is not None:
         check_agreement(problem.rows, take.rate)
-    clock.begin("solving")
+    begin("solving")
     answer = solve_rows(
         problem.rig, problem.rows, take.rate, problem.noise, settings, curves=curves,
         relinearize=_relinearize(problem, settings.helmet),
-        progress=lambda detail: clock.begin("solving", f"solving, {detail}"),
+        progress=lambda detail: begin("solving", f"solving, {detail}"),
     )  # fmt: skip
-    clock.stop()
-    return _solution(problem, answer, full_weights(rig), curves, settings, clock.seconds)
+    return problem, answer
 
 
-def _solution(
+def as_solution(
     problem: MarkerProblem, answer: Answer, full: np.ndarray, curves: Curves | None, settings: SolveSettings,
     seconds: dict[str, float],
 ) -> Solution:  # fmt: skip
@@ -121,7 +135,7 @@ def _solution(
     }
     held = tuple(name for name, still in zip(rig.names, answer.held, strict=True) if still)
     _warn(unseen, held, settings.method)
-    shares, helmet = unknowns[:, : rows.shapes], _helmet_part(rows, unknowns)
+    shares, helmet = unknowns[:, : rows.shapes], helmet_part(rows, unknowns)
     residuals = rows.errors(unknowns)
     sure = confidence(errors, answer.rows)
     asked = settings.as_text() | {"noise (mm)": f"{answer.noise:.3f}"}
@@ -151,7 +165,8 @@ def _solution(
     )
 
 
-def _check(rig: Rig) -> None:
+def check_rig(rig: Rig) -> None:
+    """Refuse a rig in which nothing can move."""
     if not rig.names:
         raise InputError(f"The rig {rig.name!r} has no shapes, so there is nothing to solve for; read one with shapes.")
     locked = rig.bounds[:, 0] >= rig.bounds[:, 1]
@@ -176,12 +191,12 @@ def _relinearize(problem: MarkerProblem, helmet: str) -> Callable[[np.ndarray], 
         motion = _helmet_motion(unknowns[:, rows.shapes :], helmet)
         assert motion is not None
         still = remove_motion(positions, motion, problem.center) - rest
-        return rows.along(still) + _helmet_part(rows, unknowns)
+        return rows.along(still) + helmet_part(rows, unknowns)
 
     return targets
 
 
-def _helmet_part(rows: MarkerRows, unknowns: np.ndarray) -> np.ndarray:
+def helmet_part(rows: MarkerRows, unknowns: np.ndarray) -> np.ndarray:
     """(T, M, 3) mm: what the helmet's motion, and not the face's, did to the markers."""
     only = unknowns.copy()
     only[:, : rows.shapes] = 0

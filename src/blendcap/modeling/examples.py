@@ -142,7 +142,7 @@ def _first_weights(rig: Rig, moved: np.ndarray) -> np.ndarray:
 
 
 def _with_fields(rig: Rig, moved: np.ndarray, given: np.ndarray, error: float) -> Refinement:
-    moving = _learned_from(rig)
+    moving = learned_from(rig)
     waves = smooth_functions(rig.mesh.vertices[moving])
     at = moving[spread_out(rig.mesh.vertices[moving], SAMPLES)]
     shapes = rig.deltas[:, at].astype(np.float64).transpose(1, 0, 2)
@@ -159,7 +159,7 @@ def _with_fields(rig: Rig, moved: np.ndarray, given: np.ndarray, error: float) -
         costs.append(fields.energies)
     change, local = _local(rig, moving, fields.applied, waves, moved, weights)
     energies = {name: np.array([cost[name] for cost in costs]) for name in costs[0]}
-    deltas, kept = _kept(rig, change)
+    deltas, kept = kept_shapes(rig, change)
     refined = replace(rig, deltas=deltas.astype(np.float32))
     residual = max(fields.residual, local, kept)
     return Refinement(refined, weights, _errors(refined, moved, weights), energies, max_kkt, residual)
@@ -185,7 +185,7 @@ def _local(rig: Rig, moving: np.ndarray, applied, waves, moved: np.ndarray, weig
     return change, surface.factor.residual
 
 
-def _learned_from(rig: Rig) -> np.ndarray:
+def learned_from(rig: Rig) -> np.ndarray:
     """Vertices of the skin that some shape moves; eyeballs and teeth are solid and learn nothing."""
     skin = pieces(sewn_vertices(rig.mesh.vertices, rig.deltas)[rig.mesh.faces], len(rig.mesh.vertices))[0]
     moving = np.intersect1d(skin, rig.moving_vertices(MOVES))
@@ -203,7 +203,7 @@ def _weights(problem: FieldProblem, shapes, seen, given, bounds) -> tuple[np.nda
     return weights, certificate.max_kkt
 
 
-def _kept(rig: Rig, change: np.ndarray) -> tuple[np.ndarray, float]:
+def kept_shapes(rig: Rig, change: np.ndarray) -> tuple[np.ndarray, float]:
     """The changed shapes (N, V, 3) with the rig's own contact, clear eyeballs and solid bodies kept; the residual."""
     sewn = sewn_vertices(rig.mesh.vertices, rig.deltas)
     faces = sewn[rig.mesh.faces]

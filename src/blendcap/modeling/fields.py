@@ -94,16 +94,19 @@ def spread_out(points: np.ndarray, count: int) -> np.ndarray:
     return chosen
 
 
-def smooth_functions(points: np.ndarray):
-    """A function of places (V, 3) with values (V, K): the largest parts of a Gaussian covariance over the points."""
+def smooth_functions(points: np.ndarray, reach: float = REACH, count: int = WAVES):
+    """A function of places (V, 3) with values (V, K): the largest parts of a Gaussian covariance over the points.
+
+    There are `count` of them, and the covariance falls off within `reach`, a part of the points' extent.
+    """
     nodes = points[spread_out(points, SPREAD)]
-    reach = REACH * np.ptp(points, axis=0).max()
+    reach = reach * np.ptp(points, axis=0).max()
 
     def covariance(places: np.ndarray) -> np.ndarray:
         return np.exp(-((places[:, None] - nodes) ** 2).sum(2) / (2 * reach**2))
 
     values, vectors = np.linalg.eigh(covariance(nodes))
-    kept = np.flatnonzero(values > 1e-6 * values[-1])[-WAVES:]
+    kept = np.flatnonzero(values > 1e-6 * values[-1])[-count:]
     scaled = vectors[:, kept] / np.sqrt(values[kept])
     return lambda places: covariance(places) @ scaled
 

@@ -1,0 +1,193 @@
+"""A rig made personal by a take: what markers and tracks show that no weights of the rig explain."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from blendcap.data import Animation, Binding, InputError, MarkerTake, PaintTracks, Rig, Solution
+from blendcap.markers.solve import answered, as_solution, check_rig, curves_of_take, helmet_part
+from blendcap.modeling.bends import SCALES, Bends, SeenPoints, bent, fit_bends, moments
+from blendcap.modeling.examples import kept_shapes, learned_from
+from blendcap.modeling.fields import smooth_functions
+from blendcap.solving.answer import Answer
+from blendcap.solving.settings import SolveSettings
+from blendcap.solving.shares import full_weights, in_shares
+
+ROUNDS = 3  # weights, then shapes, and again
+REACH = 0.15  # of the face's extent: how far a change stays alike
+WAVES = 60  # smooth functions that span it
+NOISE = 3.0  # mm: of a coordinate in a frame, as if frames and points erred each on its own
+BLOCK = 2.0  # seconds of a stretch that is left out as a whole, and foretold
+FOLDS = 2
+LEAST = 0.01  # part of what left-out frames lack; who foretells less has learned from noise
+LEAST_BLOCKS = 4  # of that length: a shorter take would be judged by itself
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, eq=False)
+class TakeRefinement:
+    """A rig refined by a take, and what its making can prove.
+
+    Parameters
+    ----------
+    rig : Rig
+        The same shapes by the same names, each moved a little otherwise.
+    solution : Solution
+        Of the take on the refined rig.
+    change : (N, V) float64
+        How far each vertex is from where it was under each shape at full weight, mm; 0 of shapes that the take does not
+        use.
+    rms : (R + 1,) float64
+        What the rig lacks of markers and tracks before and after each round, root mean square of a coordinate, mm.
+    foretold : float
+        Part of what left-out seconds lack (squared) that changes explain which were learned from the others.
+    scale : float
+        How unlike the rig the person was found to be: standard deviation of a change, as a part of the motion.
+    residual : float
+        Largest relative residual of the linear solves.
+    """
+
+    rig: Rig
+    solution: Solution
+    change: np.ndarray
+    rms: np.ndarray
+    foretold: float
+    scale: float
+    residual: float
+
+
+def refine_from_take(
+    rig: Rig,
+    take: MarkerTake,
+    binding: Binding,
+    *,
+    patches: Animation | None = None,
+    patches_offset: float | None = None,
+    tracks: PaintTracks | None = None,
+    settings: SolveSettings | None = None,
+    rounds: int = ROUNDS,
+    progress: Callable[[str], None] = lambda _: None,
+) -> TakeRefinement:
+    """Refine a transferred rig with a take of the same person: a range of motion, or the very performance.
+
+    The take is solved; what its markers and tracks do that the solved weights do not explain becomes a smooth change of
+    the shapes that were on (`blendcap.modeling.bends`), how large a one is believed is judged by left-out seconds; and
+    again. Contact, eyeballs and solid bodies are kept as by `refine_rig`, which learns from scans of expressions:
+    these tell more, but take a scanner.
+
+    Parameters
+    ----------
+    rig : Rig
+        The person's rig, as `transfer_rig` or `refine_rig` makes it.
+    take, binding, patches, patches_offset, tracks, settings
+        As for `solve`. Tracks tell most: markers alone see too little of each shape to change much.
+    rounds : int
+        Weights, then shapes, so often.
+    progress : callable
+        Told what begins.
+
+    Raises
+    ------
+    InputError
+        As `solve`, and if there is no round, the method is live, or the take is shorter than 8 seconds.
+    """
+    check_rig(rig)
+    settings = settings or SolveSettings()
+    _check(take, settings, rounds)
+    curves = curves_of_take(rig, take, patches, patches_offset)
+    shares, full = in_shares(rig), full_weights(rig)
+    skin, refined, fitted, rms, residual = _Skin.of(shares, binding, tracks), shares, [], [], 0.0
+    for k in range(rounds):
+        progress(f"round {k + 1} of {rounds}, weights")
+        _, answer = answered(refined, take, binding, curves, tracks, settings, _silent)
+        rms.append(_lacking(answer))
+        progress(f"round {k + 1} of {rounds}, shapes")
+        fitted.append(skin.learned(answer, take.rate, fitted[-1].scale if fitted else None))
+        if fitted[0].foretold < LEAST:
+            log.warning("What was learned of the shapes did not foretell left-out seconds; they stay as they were.")
+            break
+        refined, off = skin.applied(fitted[-1])
+        residual = max(residual, off, fitted[-1].residual)
+    progress("the last weights")
+    problem, answer = answered(refined, take, binding, curves, tracks, settings, _silent)
+    rms.append(_lacking(answer))
+    change = refined.deltas - shares.deltas
+    return TakeRefinement(
+        rig=replace(rig, deltas=rig.deltas + change / full.astype(np.float32)[:, None, None]),
+        solution=as_solution(problem, answer, full, curves, settings, {}),
+        change=np.linalg.norm(change.astype(np.float64), axis=2),
+        rms=np.array(rms),
+        foretold=fitted[0].foretold,
+        scale=fitted[-1].scale,
+        residual=residual,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Skin:
+    """The rig as it was given, its weights as shares, its skin, and the points on it that were captured."""
+
+    rig: Rig
+    moving: np.ndarray  # (V,) vertices that may change
+    waves: np.ndarray  # (V, K) smooth functions there
+    points: SeenPoints  # axes and worth are an answer's
+
+    @classmethod
+    def of(cls, rig: Rig, binding: Binding, tracks: PaintTracks | None) -> _Skin:
+        moving = learned_from(rig)
+        waves = smooth_functions(rig.mesh.vertices[moving], REACH, WAVES)
+        sampled = [rig.sample(points) for points in (binding.points, *([tracks.points] if tracks else []))]
+        rest = np.concatenate([rest for rest, _ in sampled])
+        deltas = np.concatenate([deltas for _, deltas in sampled], axis=1).transpose(1, 0, 2)
+        known = SeenPoints(deltas, waves(rest), np.tile(np.eye(3), (len(rest), 1, 1)), np.ones(len(rest)))
+        return cls(rig, moving, waves(rig.mesh.vertices[moving]), known)
+
+    def learned(self, answer: Answer, rate: float, scale: float | None) -> Bends:
+        """What an answer's rows have that its weights on the given rig do not explain; a known scale is kept."""
+        rows = answer.rows
+        points = replace(self.points, worth=(answer.trusted / NOISE) ** 2)
+        points = points if rows.axes is None else replace(points, axes=rows.axes)
+        weights, seen = answer.unknowns[:, : rows.shapes], ~rows.missing
+        missed = rows.targets - helmet_part(rows, answer.unknowns)
+        missed -= rows.along(np.tensordot(weights, self.points.deltas, axes=(1, 1)))
+        fold = (np.arange(len(weights)) / (BLOCK * rate)).astype(int) % FOLDS
+        parts = [moments(points, weights[fold == k], missed[fold == k], seen[fold == k]) for k in range(FOLDS)]
+        return fit_bends(points, parts, SCALES if scale is None else (scale,))
+
+    def applied(self, found: Bends) -> tuple[Rig, float]:
+        """The rig with changed shapes, contact and solid bodies kept, and the residual of that."""
+        change = np.zeros(self.rig.deltas.shape)
+        old = self.rig.deltas[:, self.moving].astype(np.float64).transpose(1, 0, 2)
+        change[:, self.moving] = bent(old, self.waves, found.coefficients).transpose(1, 0, 2)
+        deltas, residual = kept_shapes(self.rig, change)
+        return replace(self.rig, deltas=deltas.astype(np.float32)), residual
+
+
+def _silent(*_: str) -> None:
+    """Steps of an inner solve are nobody's progress."""
+
+
+def _check(take: MarkerTake, settings: SolveSettings, rounds: int) -> None:
+    if rounds < 1:
+        raise InputError(f"Refining takes at least one round, but rounds is {rounds}.")
+    if settings.method == "live":
+        raise InputError("A rig is refined by a whole take, and the live solve looks at the past only; choose another.")
+    seconds = len(take.positions) / take.rate
+    if seconds < LEAST_BLOCKS * BLOCK:
+        raise InputError(
+            f"The take lasts {seconds:.1f} s; to refine a rig takes {LEAST_BLOCKS * BLOCK:g} s, of which parts judge "
+            "what the others teach."
+        )
+
+
+def _lacking(answer: Answer) -> float:
+    """Root mean square of what the answer leaves, mm a coordinate, of markers and tracks as far as they count."""
+    rows = answer.rows
+    squared = np.nansum((answer.trusted * rows.errors(answer.unknowns)) ** 2)
+    told = (~rows.missing).sum(0) @ (answer.trusted**2 * rows.coordinates)
+    return float(np.sqrt(squared / max(told, 1e-12)))
