@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
@@ -18,6 +19,7 @@ from stage import Scene, motion, scene
 SHAPES, MARKERS, FRAMES = 4, 6, 20
 BOUNDS = np.tile([0.0, 1.0], (SHAPES, 1))
 LIDS = ("eyeBlinkLeft", "eyeBlinkRight")
+KEEP = SolveSettings(head="keep")
 
 
 def columns(seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
@@ -137,6 +139,33 @@ def test_a_solution_with_tracks_speaks_of_its_markers_and_of_its_tracks(bare):
     assert solution.certificate.converged
     alone = solved(bare)
     assert alone.track_rms is None and "tracks" not in alone.settings
+
+
+def test_how_the_take_lies_beside_the_rig_changes_nothing(bare):
+    """Turned by 30 degrees, larger and elsewhere: axes are directions in the take, and turn with it."""
+    turn = cv2.Rodrigues(np.deg2rad(30) * np.array([0.48, 0.6, 0.64]))[0]
+
+    def laid(positions: np.ndarray) -> np.ndarray:
+        return 1.3 * positions @ turn.T + np.array([20.0, -70, 300])
+
+    tracks = seen_from(bare, [90, 40, 250])
+    take = replace(bare.take, positions=laid(bare.take.positions))
+    turned = Scene(bare.rig, take, bare.truth, blendcap.bind(bare.rig, take, bare.binding.points, method="given"))
+    other = replace(tracks, rest=laid(tracks.rest), positions=laid(tracks.positions), axes=tracks.axes @ turn.T)
+    ours, theirs = solved(turned, other), solved(bare, tracks)
+    np.testing.assert_allclose(ours.animation.weights, theirs.animation.weights, atol=1e-5)
+    np.testing.assert_allclose(ours.track_rms, theirs.track_rms, atol=1e-6)
+
+
+def test_curves_are_put_on_the_scale_of_the_markers_and_of_no_track(bare):
+    """No marker sees the lids, so their curve counts at its word, though tracks half believed say twice as much."""
+    true = bare.truth.animation.select(LIDS)
+    half, tracks = replace(true, weights=0.5 * true.weights), seen_from(bare, [0, 0, 250])
+    weak = replace(tracks, axes=0.3 * tracks.axes)
+    answer = blendcap.solve(bare.rig, bare.take, bare.binding, tracks=weak, patches=half, settings=KEEP)
+    lids = answer.animation.select(LIDS).weights
+    assert 0.4 < (lids * true.weights).sum() / (true.weights**2).sum() < 0.65
+    assert np.abs(lids - half.weights).max() < 0.2
 
 
 def test_axes_say_by_how_much_a_track_counts(bare):
