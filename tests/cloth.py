@@ -86,10 +86,12 @@ class ClothFilm:
     binding: Binding
     solution: Solution
 
-    def follow(self, paint=blobs, dark: tuple[int, ...] = ()) -> PaintTracks:
-        """The tracks; frames `dark` are black."""
-        steps = zip(self.slide, self.shear, self.drift, strict=True)
+    def follow(self, paint=blobs, dark: tuple[int, ...] = (), noise: float = 0.0) -> PaintTracks:
+        """The tracks; frames `dark` are black, and grey values noisy."""
+        steps, rng = zip(self.slide, self.shear, self.drift, strict=True), np.random.default_rng(1)
         frames = [picture(paint, *step) * (f not in dark) for f, step in enumerate(steps)]
+        if noise:
+            frames = [np.clip(p + rng.normal(scale=noise, size=p.shape), 0, 255).astype(np.uint8) for p in frames]
         return track_paint([frames], self.rig, self.take, self.binding, [CAMERA], self.solution)
 
     def off(self, tracks: PaintTracks) -> np.ndarray:

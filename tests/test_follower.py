@@ -40,6 +40,14 @@ def test_it_is_kept_through_a_frame_in_which_all_is_lost():
     assert np.nanmedian(film.off(tracks)[5:]) < 0.05
 
 
+def test_only_what_is_surely_seen_is_carried_on():
+    """Along upright strokes noise moves a point up and down in every frame, but not farther and farther."""
+    tracks = filmed(drift=np.zeros(25)).follow(strokes, noise=5.0)
+    found = project(tracks.positions, CAMERA)[0]
+    wandered = np.percentile(np.abs(found - found[0])[..., 1], 90, axis=1)
+    assert not tracks.lost.any() and wandered[15:].max() < 1.2
+
+
 @pytest.mark.parametrize(("leap", "lost"), [(6.0, False), (12.0, True)])
 def test_what_is_found_too_far_from_where_it_is_sought_is_lost(leap, lost):
     """Wide blobs can be found again from far away, but so can other blobs."""
