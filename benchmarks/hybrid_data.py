@@ -109,10 +109,9 @@ class Filmed:
     frames: np.ndarray | None  # (C, T, H, W) uint8 on disk, as they were before they were spoilt; None if not kept
     spoil: Spoil | None
 
-    @property
-    def judge(self) -> Rig:
-        """The solver's shapes on the performer's own neutral: the scan's error is not charged to the solve."""
-        return replace(self.rig, mesh=self.own.mesh)
+    def judge(self, rig: Rig) -> Rig:
+        """A rig's shapes on the performer's own neutral: the scan's error is not charged to the solve."""
+        return replace(rig, mesh=self.own.mesh)
 
     def videos(self) -> list[Iterator[np.ndarray]]:
         """The kept frames, camera by camera."""
