@@ -23,11 +23,14 @@ REGIONS: tuple[Region, ...] = (
         "brows", ("forehead_right", "forehead_left", "glabella"), ("AU1", "AU2L", "AU2R", "AU4L", "AU4R"),
         "motion", aligned=False,
     ),
-    Region("nose", ("glabella", "mouth_right", "mouth_left"), ("AU9L", "AU9R")),  # the upper lip rises, too
+    Region(
+        "nose", ("glabella", "nose_right", "nose_left", "mouth_right", "mouth_left"), ("AU9L", "AU9R"),
+        "fine", aligned=False,
+    ),  # the upper lip rises, too
     Region(
         "eyes", ("eye_right", "eye_left"),
         ("AU5L", "AU5R", "AU6L", "AU6R", "AU7L", "AU7R", "AU45L", "AU45R", "AU63L", "AU63R", "AU64L", "AU64R"),
-        "gabor+motion", aligned=False,
+        "gabor+fine", aligned=False,
     ),
     Region(
         "mouth", ("mouth_right", "mouth_left"),
