@@ -1,7 +1,8 @@
 """Makeup for the recognition of action units: strokes of white paint where muscles move the skin.
 
 Places after Ravikumar et al., "Reading Between the Dots" (2016), section 7.2.1: inner and outer brow, between the
-brows, upper and lower lid, around the lips.
+brows, upper and lower lid, around the lips. The strokes on the red of the lips and on the sides of the nose are ours:
+there lips roll and part, and the sneer shows.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ nose_side_2_right    31 -.0 .055 / 31 -.045 .055 / 31 -.085 .03
 ACTION_UNITS = {  # what each stroke is there to show
     "brow_inner": (1,), "brow_outer": (2,), "glabella": (4, 9), "bridge": (9,), "lid_upper": (45, 43, 7),
     "lid_lower": (7, 6), "lip_upper": (10, 12, 18), "lip_lower": (18, 23), "lip_middle": (18, 23),
-    "lip_corner": (12, 18, 23),
+    "lip_corner": (12, 18, 23), "lip_red": (10, 18, 26), "nose_side": (9, 10),
 }  # fmt: skip
 MIRROR = np.array([
     *range(16, -1, -1), *range(26, 16, -1), *range(27, 31), *range(35, 30, -1), 45, 44, 43, 42, 47, 46, 39, 38, 37, 36,
