@@ -134,7 +134,8 @@ def squeezed_from(squint: np.ndarray, blink: np.ndarray) -> float:
 
     How much AU6 is told of a lid that only blinks differs from face to face; that squeezed ones show more does not.
     """
-    ratio = np.sort(np.log(np.maximum(squint, 0.01) / np.maximum(blink, SHUT))[blink > SHUT])
+    shut = blink > SHUT
+    ratio = np.sort(np.log(np.maximum(squint[shut], 0.01) / blink[shut]))
     if len(ratio) < 4:
         return SQUEEZED
     parts = [(ratio[:k], ratio[k:]) for k in range(2, len(ratio) - 1)]

@@ -177,11 +177,10 @@ def solved(
             tracks = blendcap.track_paint(filmed.videos(), filmed.rig, take, binding, filmed.cameras, answer)
             kept[whose, method] = tracks if take is filmed.take else _without_dots(tracks, filmed)
         known["tracks"] = kept[whose, method]
-        answer = blendcap.solve(filmed.rig, take, binding, **known)
     if refined:
         personal = blendcap.refine_from_take(filmed.rig, take, binding, **known)
         return personal.rig, personal.solution.animation
-    return filmed.rig, answer.animation
+    return filmed.rig, (blendcap.solve(filmed.rig, take, binding, **known) if followed else answer).animation
 
 
 def _without_dots(tracks: PaintTracks, filmed: Filmed) -> PaintTracks:

@@ -99,12 +99,21 @@ def test_the_same_take_gives_the_same_rig(someone, answer):
     np.testing.assert_array_equal(refined(someone, tracked(someone)).rig.deltas, answer.rig.deltas)
 
 
-def test_markers_that_only_tremble_teach_nothing():
+def test_markers_that_only_tremble_teach_nothing(caplog):
     whole = scene(motion(), noise=0.3)
     rest = np.tile(whole.take.positions[:1], (len(whole.take.positions), 1, 1))
     trembling = rest + np.random.default_rng(1).normal(scale=0.3, size=rest.shape)
     found = refined(replace(whole, take=replace(whole.take, positions=trembling)))
-    assert found.change.max() < 0.3
+    assert not found.change.any() and len(found.rms) == 1
+    assert "they stay as they were" in caplog.text
+
+
+def test_a_warning_comes_once(someone, caplog):
+    """And not with each of the solves."""
+    tracks = tracked(someone)
+    late = replace(tracks, positions=np.concatenate([tracks.positions[:1], tracks.positions[:-1]]))
+    refined(someone, late)
+    assert caplog.text.count("The film seems to begin") == 1
 
 
 def test_what_cannot_be_is_refused(someone):

@@ -13,7 +13,7 @@ import blendcap
 from blendcap.cli.answers import print_lines
 from blendcap.cli.progress import Progress
 from blendcap.cli.solve import Outputs, bind_and_solve, summary, write_answers
-from blendcap.cli.solve_inputs import Captured
+from blendcap.cli.solve_inputs import Given
 
 if TYPE_CHECKING:
     from blendcap.data import MarkerTake, Rig, Solution
@@ -53,7 +53,7 @@ def demo(*, out: Path = Path("demo"), seed: int = 1) -> None:
         with write_whole(out / "places.json") as path:
             path.write_text(json.dumps(places, indent=1), encoding="utf-8")
     settings = blendcap.SolveSettings(head="keep")  # the helmet takes the head's motion out
-    binding, solution = bind_and_solve(Captured(rig, take, places, rom), settings, progress)
+    binding, solution = bind_and_solve(Given(rig, take, places, rom), settings, progress)
     animations = (out / "animation.csv", out / "animation.glb")
     outputs = Outputs(animations, preview=out / "preview.mp4", report=out / "report.html")
     write_answers(rig, solution, binding, progress, outputs)

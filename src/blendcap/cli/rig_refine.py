@@ -80,10 +80,9 @@ def refine(
 def _facts(refined: TakeRefinement) -> dict[str, Any]:
     certificate = refined.solution.certificate
     return {
-        "rms_mm_before": float(refined.rms[0]),
-        "rms_mm": float(refined.rms[-1]),
+        "coordinate_rms_mm_before": float(refined.rms[0]),
+        "coordinate_rms_mm": float(refined.rms[-1]),
         "foretold": refined.foretold,
-        "scale": refined.scale,
         "residual": refined.residual,
         "max_kkt": certificate.max_kkt,
         "converged": certificate.converged,

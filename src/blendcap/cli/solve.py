@@ -15,7 +15,7 @@ from blendcap.cli.answers import AsJson, print_json, print_lines
 from blendcap.cli.films import thin_film, writes
 from blendcap.cli.outputs import ANIMATIONS, PAGES, PICTURES, PLACES, VIDEOS, check_outputs
 from blendcap.cli.progress import Progress
-from blendcap.cli.solve_inputs import Captured, Inputs
+from blendcap.cli.solve_inputs import Given, Inputs
 
 PLACES_SIZE = (1920, 1080)  # room for the names of the markers
 
@@ -158,7 +158,7 @@ def _shifted(curves: Animation | None, offset: float | None) -> Animation | None
     return replace(curves, times=curves.times + offset) if curves is not None and offset else curves
 
 
-def bind_and_solve(given: Captured, settings: SolveSettings, progress: Progress) -> tuple[Binding, Solution]:
+def bind_and_solve(given: Given, settings: SolveSettings, progress: Progress) -> tuple[Binding, Solution]:
     """The binding and the solution of a take."""
     binding = given.bound(progress)
     with progress.step("solve", f"Solve {len(given.take.positions):,} frames") as tell:

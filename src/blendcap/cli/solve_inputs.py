@@ -30,7 +30,7 @@ class Inputs:
     """The files beside the take."""
 
     rig: Path
-    """The rig to drive: .glb, .npz, a folder of .obj files or an ICT-FaceKit folder."""
+    """The rig: .glb, .npz, a folder of .obj files or an ICT-FaceKit folder."""
     rom: Path | None = None
     """A range-of-motion take of the same markers; it places the markers on the rig more exactly."""
     correspondences: Path | None = None
@@ -50,7 +50,7 @@ class Inputs:
         """All that is read."""
         return self.rig, self.rom, self.correspondences, self.patches, self.tracks
 
-    def read(self, take: Path, settings: SolveSettings, progress: Progress) -> Captured:
+    def read(self, take: Path, settings: SolveSettings, progress: Progress) -> Given:
         """Read everything, and refuse what could not serve."""
         from blendcap.io import read_animation, read_correspondences, read_markers, read_rig, read_tracks
 
@@ -65,10 +65,10 @@ class Inputs:
             curves = None if self.patches is None else read_animation(self.patches)
             followed = None if self.tracks is None else read_tracks(self.tracks)
         check_inputs(take, markers, rig, places, settings)
-        return Captured(rig, markers, places, motion, curves, self.patches_offset, followed)
+        return Given(rig, markers, places, motion, curves, self.patches_offset, followed)
 
 
-class Captured(NamedTuple):
+class Given(NamedTuple):
     """What was read."""
 
     rig: Rig

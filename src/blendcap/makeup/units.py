@@ -24,9 +24,9 @@ REGIONS: tuple[Region, ...] = (
         "motion", aligned=False,
     ),
     Region(
-        "nose", ("glabella", "nose_right", "nose_left", "mouth_right", "mouth_left"), ("AU9L", "AU9R"),
-        "fine", aligned=False,
-    ),  # the upper lip rises, too
+        "nose", ("glabella", "nose_right", "nose_left", "mouth_right", "mouth_left"),  # the upper lip rises, too
+        ("AU9L", "AU9R"), "fine", aligned=False,
+    ),
     Region(
         "eyes", ("eye_right", "eye_left"),
         ("AU5L", "AU5R", "AU6L", "AU6R", "AU7L", "AU7R", "AU45L", "AU45R", "AU63L", "AU63R", "AU64L", "AU64R"),

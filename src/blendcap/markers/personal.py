@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from blendcap.data import Animation, Binding, InputError, MarkerTake, PaintTracks, Rig, Solution
-from blendcap.markers.solve import answered, as_solution, check_rig, curves_of_take, helmet_part
+from blendcap.data import Animation, Binding, InputError, MarkerTake, PaintTracks, Rig, Solution, SurfacePoints
+from blendcap.markers.solve import answered, as_solution, check_rig, curves_of_take, problem_of
 from blendcap.modeling.bends import SCALES, Bends, SeenPoints, bent, fit_bends, moments
 from blendcap.modeling.examples import kept_shapes, learned_from
 from blendcap.modeling.fields import smooth_functions
@@ -23,7 +23,7 @@ WAVES = 60  # smooth functions that span it
 NOISE = 3.0  # mm: of a coordinate in a frame, as if frames and points erred each on its own
 BLOCK = 2.0  # seconds of a stretch that is left out as a whole, and foretold
 FOLDS = 2
-LEAST = 0.01  # part of what left-out frames lack; who foretells less has learned from noise
+LEAST = 0.003  # part of what left-out frames lack; who foretells less has learned from noise
 LEAST_BLOCKS = 4  # of that length: a shorter take would be judged by itself
 
 log = logging.getLogger(__name__)
@@ -42,12 +42,12 @@ class TakeRefinement:
     change : (N, V) float64
         How far each vertex is from where it was under each shape at full weight, mm; 0 of shapes that the take does not
         use.
-    rms : (R + 1,) float64
-        What the rig lacks of markers and tracks before and after each round, root mean square of a coordinate, mm.
+    rms : (1 + R,) float64
+        What the rig lacks of markers and tracks at first and after each round that changed the shapes, root mean square
+        of a coordinate, mm; of the samples that each solve counts: strays are chosen anew.
     foretold : float
-        Part of what left-out seconds lack (squared) that changes explain which were learned from the others.
-    scale : float
-        How unlike the rig the person was found to be: standard deviation of a change, as a part of the motion.
+        Part of what left-out seconds lack (squared) that changes explain which were learned from the others, in the
+        first round. Of captured points only: skin between them is not judged.
     residual : float
         Largest relative residual of the linear solves.
     """
@@ -57,7 +57,6 @@ class TakeRefinement:
     change: np.ndarray
     rms: np.ndarray
     foretold: float
-    scale: float
     residual: float
 
 
@@ -101,29 +100,31 @@ def refine_from_take(
     _check(take, settings, rounds)
     curves = curves_of_take(rig, take, patches, patches_offset)
     shares, full = in_shares(rig), full_weights(rig)
-    skin, refined, fitted, rms, residual = _Skin.of(shares, binding, tracks), shares, [], [], 0.0
+    skin, refined, residual, scale = _Skin.of(shares, binding, tracks), shares, 0.0, None
+    problem = problem_of(rig, take, binding, tracks, settings, lambda *_: None)
+    progress("the first weights")
+    answer = answered(problem, curves, settings, lambda *_: None)
+    rms, foretold = [_lacking(answer)], []
     for k in range(rounds):
-        progress(f"round {k + 1} of {rounds}, weights")
-        _, answer = answered(refined, take, binding, curves, tracks, settings, _silent)
-        rms.append(_lacking(answer))
         progress(f"round {k + 1} of {rounds}, shapes")
-        fitted.append(skin.learned(answer, take.rate, fitted[-1].scale if fitted else None))
-        if fitted[0].foretold < LEAST:
+        found = skin.learned(answer, take.rate, scale)
+        foretold.append(found.foretold)
+        if foretold[0] < LEAST:
             log.warning("What was learned of the shapes did not foretell left-out seconds; they stay as they were.")
             break
-        refined, off = skin.applied(fitted[-1])
-        residual = max(residual, off, fitted[-1].residual)
-    progress("the last weights")
-    problem, answer = answered(refined, take, binding, curves, tracks, settings, _silent)
-    rms.append(_lacking(answer))
+        scale, (refined, off) = found.scale, skin.applied(found)
+        residual = max(residual, off, found.residual)
+        progress(f"round {k + 1} of {rounds}, weights")
+        problem = replace(problem, rig=refined, rows=problem.rows.with_shapes(skin.sampled(refined)[1]))
+        answer = answered(problem, curves, settings, lambda *_: None)
+        rms.append(_lacking(answer))
     change = refined.deltas - shares.deltas
     return TakeRefinement(
         rig=replace(rig, deltas=rig.deltas + change / full.astype(np.float32)[:, None, None]),
         solution=as_solution(problem, answer, full, curves, settings, {}),
         change=np.linalg.norm(change.astype(np.float64), axis=2),
         rms=np.array(rms),
-        foretold=fitted[0].foretold,
-        scale=fitted[-1].scale,
+        foretold=foretold[0],
         residual=residual,
     )
 
@@ -135,26 +136,30 @@ class _Skin:
     rig: Rig
     moving: np.ndarray  # (V,) vertices that may change
     waves: np.ndarray  # (V, K) smooth functions there
-    points: SeenPoints  # axes and worth are an answer's
+    captured: tuple[SurfacePoints, ...]
+    there: np.ndarray  # (P, K) smooth functions at the captured points
+    deltas: np.ndarray  # (P, N, 3) what each shape does to them, mm
 
     @classmethod
     def of(cls, rig: Rig, binding: Binding, tracks: PaintTracks | None) -> _Skin:
+        captured = (binding.points,) if tracks is None else (binding.points, tracks.points)
         moving = learned_from(rig)
         waves = smooth_functions(rig.mesh.vertices[moving], REACH, WAVES)
-        sampled = [rig.sample(points) for points in (binding.points, *([tracks.points] if tracks else []))]
-        rest = np.concatenate([rest for rest, _ in sampled])
-        deltas = np.concatenate([deltas for _, deltas in sampled], axis=1).transpose(1, 0, 2)
-        known = SeenPoints(deltas, waves(rest), np.tile(np.eye(3), (len(rest), 1, 1)), np.ones(len(rest)))
-        return cls(rig, moving, waves(rig.mesh.vertices[moving]), known)
+        rest, deltas = _sampled(rig, captured)
+        return cls(rig, moving, waves(rig.mesh.vertices[moving]), captured, waves(rest), deltas)
+
+    def sampled(self, rig: Rig) -> tuple[np.ndarray, np.ndarray]:
+        """The captured points' neutral places (P, 3) and what each shape does to them (P, N, 3), mm."""
+        return _sampled(rig, self.captured)
 
     def learned(self, answer: Answer, rate: float, scale: float | None) -> Bends:
         """What an answer's rows have that its weights on the given rig do not explain; a known scale is kept."""
         rows = answer.rows
-        points = replace(self.points, worth=(answer.trusted / NOISE) ** 2)
-        points = points if rows.axes is None else replace(points, axes=rows.axes)
+        axes = np.tile(np.eye(3), (len(self.deltas), 1, 1)) if rows.axes is None else rows.axes
+        points = SeenPoints(self.deltas, self.there, axes, (answer.trusted / NOISE) ** 2)
         weights, seen = answer.unknowns[:, : rows.shapes], ~rows.missing
-        missed = rows.targets - helmet_part(rows, answer.unknowns)
-        missed -= rows.along(np.tensordot(weights, self.points.deltas, axes=(1, 1)))
+        missed = rows.targets - rows.helmet_part(answer.unknowns)
+        missed -= rows.along(np.tensordot(weights, self.deltas, axes=(1, 1)))
         fold = (np.arange(len(weights)) / (BLOCK * rate)).astype(int) % FOLDS
         parts = [moments(points, weights[fold == k], missed[fold == k], seen[fold == k]) for k in range(FOLDS)]
         return fit_bends(points, parts, SCALES if scale is None else (scale,))
@@ -168,8 +173,10 @@ class _Skin:
         return replace(self.rig, deltas=deltas.astype(np.float32)), residual
 
 
-def _silent(*_: str) -> None:
-    """Steps of an inner solve are nobody's progress."""
+def _sampled(rig: Rig, captured: tuple[SurfacePoints, ...]) -> tuple[np.ndarray, np.ndarray]:
+    parts = [rig.sample(points) for points in captured]
+    deltas = np.concatenate([deltas for _, deltas in parts], axis=1)
+    return np.concatenate([rest for rest, _ in parts]), deltas.transpose(1, 0, 2)
 
 
 def _check(take: MarkerTake, settings: SolveSettings, rounds: int) -> None:

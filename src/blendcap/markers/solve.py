@@ -94,7 +94,8 @@ def solve(
     check_rig(rig)
     settings, clock = settings or SolveSettings(), _Clock(progress)
     curves = curves_of_take(rig, take, patches, patches_offset)
-    problem, answer = answered(rig, take, binding, curves, tracks, settings, clock.begin)
+    problem = problem_of(rig, take, binding, tracks, settings, clock.begin)
+    answer = answered(problem, curves, settings, clock.begin)
     clock.stop()
     return as_solution(problem, answer, full_weights(rig), curves, settings, clock.seconds)
 
@@ -105,21 +106,27 @@ def curves_of_take(rig: Rig, take: MarkerTake, patches: Animation | None, offset
     return None if patches is None else curves_for(rig.names, patches, times, offset, rig.name)
 
 
-def answered(
-    rig: Rig, take: MarkerTake, binding: Binding, curves: Curves | None, tracks: PaintTracks | None,
-    settings: SolveSettings, begin: Callable[..., None],
-) -> tuple[MarkerProblem, Answer]:  # fmt: skip
-    """The take as rows, and their solution; `begin` is told the step that begins and, perhaps, its detail."""
+def problem_of(
+    rig: Rig, take: MarkerTake, binding: Binding, tracks: PaintTracks | None, settings: SolveSettings,
+    begin: Callable[..., None],
+) -> MarkerProblem:  # fmt: skip
+    """The take as rows, with tracks that agree with its markers; `begin` is told the step that begins."""
     problem = marker_problem(in_shares(rig), take, binding, settings, begin, tracks)
     if tracks is not None:
         check_agreement(problem.rows, take.rate)
+    return problem
+
+
+def answered(
+    problem: MarkerProblem, curves: Curves | None, settings: SolveSettings, begin: Callable[..., None]
+) -> Answer:
+    """The problem's solution; `begin` is told the step that begins and, perhaps, its detail."""
     begin("solving")
-    answer = solve_rows(
-        problem.rig, problem.rows, take.rate, problem.noise, settings, curves=curves,
+    return solve_rows(
+        problem.rig, problem.rows, problem.rate, problem.noise, settings, curves=curves,
         relinearize=_relinearize(problem, settings.helmet),
         progress=lambda detail: begin("solving", f"solving, {detail}"),
     )  # fmt: skip
-    return problem, answer
 
 
 def as_solution(
@@ -135,7 +142,7 @@ def as_solution(
     }
     held = tuple(name for name, still in zip(rig.names, answer.held, strict=True) if still)
     _warn(unseen, held, settings.method)
-    shares, helmet = unknowns[:, : rows.shapes], helmet_part(rows, unknowns)
+    shares, helmet = unknowns[:, : rows.shapes], rows.helmet_part(unknowns)
     residuals = rows.errors(unknowns)
     sure = confidence(errors, answer.rows)
     asked = settings.as_text() | {"noise (mm)": f"{answer.noise:.3f}"}
@@ -191,16 +198,9 @@ def _relinearize(problem: MarkerProblem, helmet: str) -> Callable[[np.ndarray], 
         motion = _helmet_motion(unknowns[:, rows.shapes :], helmet)
         assert motion is not None
         still = remove_motion(positions, motion, problem.center) - rest
-        return rows.along(still) + helmet_part(rows, unknowns)
+        return rows.along(still) + rows.helmet_part(unknowns)
 
     return targets
-
-
-def helmet_part(rows: MarkerRows, unknowns: np.ndarray) -> np.ndarray:
-    """(T, M, 3) mm: what the helmet's motion, and not the face's, did to the markers."""
-    only = unknowns.copy()
-    only[:, : rows.shapes] = 0
-    return rows.predict(only)
 
 
 def _warn(unseen: dict[str, float], held: tuple[str, ...], method: str) -> None:

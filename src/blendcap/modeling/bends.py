@@ -75,7 +75,7 @@ class Bends:
     coefficients : (N, K, 3) float64
         Of each shape along the smooth functions: change in any direction, as a part of the motion's length.
     scale : float
-        How unlike the rig the person is: of `SCALES`, the one that foretells left-out frames best.
+        Standard deviation that bends are believed to have: of those tried, the one that foretells left-out frames best.
     foretold : float
         Part of what left-out frames miss that the bends explain, 0 to 1; below 0 they would do harm.
     residual : float
@@ -105,20 +105,19 @@ def moments(points: SeenPoints, weights: np.ndarray, missed: np.ndarray, seen: n
     seen : (T, P) bool
     """
     counted = seen * points.worth
-    pairs = (weights[:, :, None] * weights[:, None, :]).reshape(len(weights), -1)
-    missed = np.where(seen[..., None], missed, 0.0) * points.worth[:, None]
-    size = weights.shape[1]
+    missed = np.where(seen[..., None], missed, 0.0)
+    told = missed * points.worth[:, None]
     return Moments(
-        (counted.T @ pairs).reshape(-1, size, size),
-        np.einsum("tn,tpc->pnc", weights, missed, optimize=True),
-        float((missed**2 / points.worth[:, None].clip(1e-300)).sum()),
+        np.stack([(weights * part[:, None]).T @ weights for part in counted.T]),
+        np.einsum("tn,tpc->pnc", weights, told, optimize=True),
+        float(np.vdot(missed, told)),
     )
 
 
 def fit_bends(points: SeenPoints, folds: Sequence[Moments], scales: Sequence[float] = SCALES) -> Bends:
     """The most probable bends, with the scale that foretells each fold best from the others.
 
-    Minimises `sum over frames, points of worth |axes (missed - changed(bends) w)|² + |bends|² / scale²`.
+    Minimises `sum over frames, points of worth |missed - axes changed(bends) w|² + |bends|² / scale²`.
 
     Parameters
     ----------
@@ -131,7 +130,8 @@ def fit_bends(points: SeenPoints, folds: Sequence[Moments], scales: Sequence[flo
     left = {scale: _left_out(points, folds, scale) for scale in scales}
     best = min(left, key=lambda scale: left[scale])
     coefficients, residual = _solved(points, whole, best)
-    return Bends(coefficients, best, 1 - left[best] / max(whole.energy, 1e-300), residual)
+    foretold = 1 - left[best] / whole.energy if whole.energy else 0.0
+    return Bends(coefficients, best, foretold, residual)
 
 
 def _left_out(points: SeenPoints, folds: Sequence[Moments], scale: float) -> float:

@@ -78,6 +78,18 @@ class MarkerRows:
         """(T, N + K) `-H'y`, mm²; missing markers give nothing."""
         return -self.targets.reshape(len(self.targets), -1) @ self.rows.reshape(-1, self.rows.shape[2])
 
+    def with_shapes(self, deltas: np.ndarray) -> MarkerRows:
+        """The same markers on other shapes: what each does to each marker (M, N, 3), mm at weight 1."""
+        columns = deltas.transpose(0, 2, 1)
+        columns = columns if self.axes is None else self.axes @ columns
+        return replace(self, rows=np.concatenate([columns, self.rows[..., self.shapes :]], axis=2))
+
+    def helmet_part(self, unknowns: np.ndarray) -> np.ndarray:
+        """Displacements (T, M, 3) that the helmet's part of unknowns (T, N + K) explains, mm."""
+        only = unknowns.copy()
+        only[:, : self.shapes] = 0
+        return self.predict(only)
+
     def with_targets(self, targets: np.ndarray) -> MarkerRows:
         """The same rows for other targets (T, M, 3), mm."""
         return replace(self, targets=np.where(self.missing[..., None], 0.0, targets))
