@@ -9,6 +9,7 @@ import pytest
 import blendcap
 from blendcap import InputError, PaintTracks, SolveSettings, SurfacePoints
 from blendcap.io import read_tracks, write_tracks
+from blendcap.markers.track_rows import track_deltas
 from blendcap.solving.paper import solve_paper
 from blendcap.solving.rows import marker_rows
 from blendcap.solving.trust import without_strays
@@ -289,3 +290,14 @@ def test_tracks_that_cannot_be_are_refused(wrong, sentence):
     PaintTracks(points, **right)
     with pytest.raises(InputError, match=sentence):
         PaintTracks(points, **right | wrong)
+
+
+def test_tracks_of_skin_do_not_tell_what_lies_behind_it():
+    """A tongue that moves the lip, too, stays where the markers leave it."""
+    rig = blendcap.mannequin(1, shapes=52)
+    points = choose_points(rig, 60, seed=3)
+    told = np.abs(track_deltas(rig, points)).max((1, 2)) > 0
+    shown = np.abs(rig.sample(points)[1]).max((1, 2)) > 0.01
+    lost = {name for name, was, now in zip(rig.names, shown, told, strict=True) if was and not now}
+    assert lost <= {"tongueOut", "eyeLookInLeft", "eyeLookInRight", "eyeLookOutLeft", "eyeLookOutRight"}
+    assert "tongueOut" in lost and told[rig.index("eyeLookDownLeft")] and told[rig.index("jawOpen")]

@@ -10,6 +10,7 @@ import numpy as np
 
 from blendcap.data import Animation, Binding, InputError, MarkerTake, PaintTracks, Rig, Solution, SurfacePoints
 from blendcap.markers.solve import answered, as_solution, check_rig, curves_of_take, problem_of
+from blendcap.markers.track_rows import track_deltas
 from blendcap.modeling.bends import SCALES, Bends, SeenPoints, bent, fit_bends, moments
 from blendcap.modeling.examples import kept_shapes, learned_from
 from blendcap.modeling.fields import smooth_functions
@@ -115,7 +116,7 @@ def refine_from_take(
         scale, (refined, off) = found.scale, skin.applied(found)
         residual = max(residual, off, found.residual)
         progress(f"round {k + 1} of {rounds}, weights")
-        problem = replace(problem, rig=refined, rows=problem.rows.with_shapes(skin.sampled(refined)[1]))
+        problem = replace(problem, rig=refined, rows=problem.rows.with_shapes(skin.sampled(refined)))
         answer = answered(problem, curves, settings, lambda *_: None)
         rms.append(_lacking(answer))
     change = refined.deltas - shares.deltas
@@ -136,21 +137,21 @@ class _Skin:
     rig: Rig
     moving: np.ndarray  # (V,) vertices that may change
     waves: np.ndarray  # (V, K) smooth functions there
-    captured: tuple[SurfacePoints, ...]
+    captured: tuple[SurfacePoints, SurfacePoints | None]  # markers and tracks
     there: np.ndarray  # (P, K) smooth functions at the captured points
     deltas: np.ndarray  # (P, N, 3) what each shape does to them, mm
 
     @classmethod
     def of(cls, rig: Rig, binding: Binding, tracks: PaintTracks | None) -> _Skin:
-        captured = (binding.points,) if tracks is None else (binding.points, tracks.points)
+        captured = binding.points, None if tracks is None else tracks.points
         moving = learned_from(rig)
         waves = smooth_functions(rig.mesh.vertices[moving], REACH, WAVES)
-        rest, deltas = _sampled(rig, captured)
-        return cls(rig, moving, waves(rig.mesh.vertices[moving]), captured, waves(rest), deltas)
+        rest = np.concatenate([points.positions(rig.mesh) for points in captured if points is not None])
+        return cls(rig, moving, waves(rig.mesh.vertices[moving]), captured, waves(rest), _deltas(rig, *captured))
 
-    def sampled(self, rig: Rig) -> tuple[np.ndarray, np.ndarray]:
-        """The captured points' neutral places (P, 3) and what each shape does to them (P, N, 3), mm."""
-        return _sampled(rig, self.captured)
+    def sampled(self, rig: Rig) -> np.ndarray:
+        """What each shape does to the captured points (P, N, 3), mm."""
+        return _deltas(rig, *self.captured)
 
     def learned(self, answer: Answer, rate: float, scale: float | None) -> Bends:
         """What an answer's rows have that its weights on the given rig do not explain; a known scale is kept."""
@@ -173,10 +174,9 @@ class _Skin:
         return replace(self.rig, deltas=deltas.astype(np.float32)), residual
 
 
-def _sampled(rig: Rig, captured: tuple[SurfacePoints, ...]) -> tuple[np.ndarray, np.ndarray]:
-    parts = [rig.sample(points) for points in captured]
-    deltas = np.concatenate([deltas for _, deltas in parts], axis=1)
-    return np.concatenate([rest for rest, _ in parts]), deltas.transpose(1, 0, 2)
+def _deltas(rig: Rig, markers: SurfacePoints, tracks: SurfacePoints | None) -> np.ndarray:
+    deltas = rig.sample(markers)[1]
+    return (deltas if tracks is None else np.hstack([deltas, track_deltas(rig, tracks)])).transpose(1, 0, 2)
 
 
 def _check(take: MarkerTake, settings: SolveSettings, rounds: int) -> None:

@@ -6,9 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from blendcap.data import Binding, InputError, MarkerTake, PaintTracks, Rig
+from blendcap.data import Binding, InputError, MarkerTake, PaintTracks, Rig, SurfacePoints
+from blendcap.modeling.parts import pieces
+from blendcap.numerics.geodesic import sewn_vertices
 
 FAR = 5.0  # mm: tracks whose middle one lies farther from the rig's neutral were made with something else
+SKIN = 0.2  # part of a shape's largest motion that its largest motion of skin must be, if tracks are to tell it
 RATES = 0.01  # part by which the rates of tracks and take may differ
 
 
@@ -51,7 +54,21 @@ def track_rows(tracks: PaintTracks, rig: Rig, binding: Binding) -> TrackRows:
     A track's neutral place is where its line of sight met the neutral rig, so what it tells is motion alone: where the
     scan erred does not matter.
     """
-    _, deltas = rig.sample(tracks.points)
     axes = np.zeros((len(tracks.points.names), 3, 3))
     axes[:, :2] = tracks.axes @ binding.rotation.T
-    return TrackRows(deltas, binding.to_rig(tracks.rest), binding.to_rig(tracks.positions), axes)
+    return TrackRows(
+        track_deltas(rig, tracks.points), binding.to_rig(tracks.rest), binding.to_rig(tracks.positions), axes
+    )
+
+
+def track_deltas(rig: Rig, points: SurfacePoints) -> np.ndarray:
+    """(N, K, 3) what each shape does to tracks at weight 1, mm, as far as these may tell it.
+
+    Shapes that chiefly move what lies behind the skin, a tongue or eyeballs, they may not: such a weight would stir to
+    explain the last tenth of a millimeter of a lip.
+    """
+    _, deltas = rig.sample(points)
+    motion = np.linalg.norm(rig.deltas, axis=2)
+    skin = pieces(sewn_vertices(rig.mesh.vertices, rig.deltas)[rig.mesh.faces], len(rig.mesh.vertices))[0]
+    deltas[motion[:, skin].max(1, initial=0.0) < SKIN * motion.max(1, initial=0.0)] = 0
+    return deltas
