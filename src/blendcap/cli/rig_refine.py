@@ -37,8 +37,8 @@ def refine(
     Parameters
     ----------
     take
-        The markers: .c3d, .trc or .csv: a range of motion, or the very performance; the longer and the livelier, the
-        more it tells. With --tracks it tells most.
+        The markers: .c3d, .trc or .csv, of the take that is to be solved; the longer and the livelier, the more it
+        tells. With --tracks it tells most.
     output
         The refined rig: .glb or .npz, with the same shapes by the same names. Solve with it.
     picture

@@ -73,12 +73,12 @@ def refine_from_take(
     rounds: int = ROUNDS,
     progress: Callable[[str], None] = lambda _: None,
 ) -> TakeRefinement:
-    """Refine a transferred rig with a take of the same person: a range of motion, or the very performance.
+    """Refine a transferred rig with a take of the same person: the very one that is to be solved.
 
     The take is solved; what its markers and tracks do that the solved weights do not explain becomes a smooth change of
     the shapes that were on (`blendcap.modeling.bends`), how large a one is believed is judged by left-out seconds; and
     again. Contact, eyeballs and solid bodies are kept as by `refine_rig`, which learns from scans of expressions:
-    these tell more, but take a scanner.
+    these tell more, but take a scanner. In other takes the changes hold as far as these use the same shapes together.
 
     Parameters
     ----------
