@@ -25,7 +25,7 @@ REGIONS: tuple[Region, ...] = (
     ),
     Region(
         "nose", ("glabella", "nose_right", "nose_left", "mouth_right", "mouth_left"),  # the upper lip rises, too
-        ("AU9L", "AU9R"), "fine", aligned=False,
+        ("AU9L", "AU9R"), "fine",
     ),
     Region(
         "eyes", ("eye_right", "eye_left"),
