@@ -105,12 +105,12 @@ def refine_from_take(
     problem = problem_of(rig, take, binding, tracks, settings, lambda *_: None)
     progress("the first weights")
     answer = answered(problem, curves, settings, lambda *_: None)
-    rms, foretold = [_lacking(answer)], []
+    rms, foretold = [_lacking(answer)], None
     for k in range(rounds):
         progress(f"round {k + 1} of {rounds}, shapes")
         found = skin.learned(answer, take.rate, scale)
-        foretold.append(found.foretold)
-        if foretold[0] < LEAST:
+        foretold = found.foretold if foretold is None else foretold  # later rounds have seen what they would foretell
+        if foretold < LEAST:
             log.warning("What was learned of the shapes did not foretell left-out seconds; they stay as they were.")
             break
         scale, (refined, off) = found.scale, skin.applied(found)
@@ -125,7 +125,7 @@ def refine_from_take(
         solution=as_solution(problem, answer, full, curves, settings, {}),
         change=np.linalg.norm(change.astype(np.float64), axis=2),
         rms=np.array(rms),
-        foretold=foretold[0],
+        foretold=foretold or 0.0,
         residual=residual,
     )
 
