@@ -7,6 +7,7 @@ import pytest
 
 import blendcap
 from blendcap import InputError, PaintTracks, SolveSettings
+from blendcap.markers import personal
 from blendcap.markers.personal import TakeRefinement
 from blendcap.modeling.contacts import gaps
 from blendcap.synthetic.takes import choose_points
@@ -106,6 +107,17 @@ def test_markers_that_only_tremble_teach_nothing(caplog):
     found = refined(replace(whole, take=replace(whole.take, positions=trembling)))
     assert not found.change.any() and len(found.rms) == 1
     assert "they stay as they were" in caplog.text
+
+
+def test_shapes_that_are_another_face_s_are_named(someone, caplog):
+    refined(someone, tracked(someone), rounds=1)
+    assert "Changed by more than half" not in caplog.text
+    rig = someone.rig
+    change = np.zeros_like(rig.deltas)
+    change[rig.index("jawOpen")] = 0.6 * rig.deltas[rig.index("jawOpen")]
+    change[rig.index("mouthPucker")] = 0.4 * rig.deltas[rig.index("mouthPucker")]
+    personal._warn(rig, change)
+    assert "which no two faces differ by: jawOpen;" in caplog.text
 
 
 def test_a_warning_comes_once(someone, caplog):

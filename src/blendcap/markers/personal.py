@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from blendcap.data import Animation, Binding, InputError, MarkerTake, PaintTracks, Rig, Solution, SurfacePoints
+from blendcap.data.names import listed
 from blendcap.markers.solve import answered, as_solution, check_rig, curves_of_take, problem_of
 from blendcap.markers.track_rows import track_deltas
 from blendcap.modeling.bends import SCALES, Bends, SeenPoints, bent, fit_bends, moments
@@ -25,6 +26,7 @@ NOISE = 3.0  # mm: of a coordinate in a frame, as if frames and points erred eac
 BLOCK = 2.0  # seconds of a stretch that is left out as a whole, and foretold
 FOLDS = 2
 LEAST = 0.003  # part of what left-out frames lack; who foretells less has learned from noise
+MUCH = 0.5  # part of a shape's own largest motion, beyond which a change is no person's way
 LEAST_BLOCKS = 4  # of that length: a shorter take would be judged by itself
 
 log = logging.getLogger(__name__)
@@ -120,6 +122,7 @@ def refine_from_take(
         answer = answered(problem, curves, settings, lambda *_: None)
         rms.append(_lacking(answer))
     change = refined.deltas - shares.deltas
+    _warn(shares, change)
     return TakeRefinement(
         rig=replace(rig, deltas=rig.deltas + change / full.astype(np.float32)[:, None, None]),
         solution=as_solution(problem, answer, full, curves, settings, {}),
@@ -189,6 +192,18 @@ def _check(take: MarkerTake, settings: SolveSettings, rounds: int) -> None:
         raise InputError(
             f"The take lasts {seconds:.1f} s; to refine a rig takes {LEAST_BLOCKS * BLOCK:g} s, of which parts judge "
             "what the others teach."
+        )
+
+
+def _warn(rig: Rig, change: np.ndarray) -> None:
+    """Say which shapes changed by more than people differ: they took up something else."""
+    moved, before = (np.linalg.norm(part, axis=2).max(1) for part in (change, rig.deltas))
+    odd = [name for name, far, own in zip(rig.names, moved, before, strict=True) if far > MUCH * own]
+    if odd:
+        log.warning(
+            "Changed by more than half of their own motion, which no two faces differ by: %s; the rig is not this "
+            "actor's, or its points are too few to tell shapes by: look at the shapes before you use them.",
+            listed(odd, 12),
         )
 
 
