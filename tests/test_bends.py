@@ -44,6 +44,26 @@ def test_the_bends_are_those_of_the_dense_least_squares(scale):
     assert found.residual < 1e-4 and found.scale == scale
 
 
+def test_the_residual_tells_how_far_the_solve_is_from_its_end(monkeypatch):
+    """Checked against the gradient of the tall least squares, by differences."""
+    points, weights, missed, seen, _ = problem(noise=0.1)
+    folds = [moments(points, weights[k::2], missed[k::2], seen[k::2]) for k in (0, 1)]
+    monkeypatch.setattr("blendcap.modeling.bends.MOST_STEPS", 2)
+    found = fit_bends(points, folds, (0.5,))
+
+    def cost(flat: np.ndarray) -> float:
+        moved = np.einsum("tn,pnc->tpc", weights, points.changed(flat.reshape(SHAPES, WAVES, 3)))
+        left = ((missed - np.einsum("pij,tpj->tpi", points.axes, moved)) ** 2).sum(2)
+        return 0.5 * float((left * seen * points.worth).sum() + (flat**2).sum() / 0.5**2)
+
+    def gradient(flat: np.ndarray) -> np.ndarray:
+        return np.array([cost(flat + step) - cost(flat - step) for step in 1e-3 * np.eye(len(flat))]) / 2e-3
+
+    at, before = gradient(found.coefficients.ravel()), gradient(np.zeros(found.coefficients.size))
+    assert found.residual == pytest.approx(np.linalg.norm(at) / np.linalg.norm(before), rel=1e-4)
+    assert found.residual > 1e-3
+
+
 def test_what_is_foretold_is_what_left_out_frames_show():
     points, weights, missed, seen, _ = problem(noise=0.1)
     halves = [slice(0, FRAMES // 2), slice(FRAMES // 2, None)]
