@@ -209,3 +209,17 @@ def test_tracks_are_asked_of_no_shape_that_chiefly_moves_what_lies_behind_the_sk
     assert plain[1].max() > 1.0 and not length[markers:, 1].any()
     np.testing.assert_array_equal(length[markers:, 0], plain[0])
     np.testing.assert_array_equal(length[:markers].T, np.linalg.norm(rig.sample(binding.points)[1], axis=2))
+
+
+def test_what_a_tongue_does_to_the_skin_is_not_learned_by_the_lips(slipping):
+    rig = full_rig().select(("jawOpen", "tongueOut"))
+    binding, tracks = slipping.binding, tracked(slipping)
+    skin = personal._Skin.of(rig, binding, tracks)
+    both = np.hstack([rig.sample(points)[1] for points in (binding.points, tracks.points)])
+    unknowns = np.random.default_rng(0).uniform(size=(FRAMES, 2))
+    axes = np.tile(np.eye(3), (both.shape[1], 1, 1))
+    rows = marker_rows(
+        both, np.empty((0, *both.shape[1:])), np.tensordot(unknowns, both, axes=1), rig.bounds, -1.0, axes
+    )
+    answer = Answer(rows, unknowns, {}, None, 0.3, np.zeros(2, dtype=bool), np.ones(both.shape[1]))
+    assert np.abs(skin.learned(answer, HERTZ, 0.2).coefficients).max() < 1e-9

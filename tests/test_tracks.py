@@ -226,6 +226,7 @@ def test_a_film_that_is_early_or_late_is_told(bare, caplog, late, words):
         (lambda t: replace(t, positions=t.positions[:-1]), {}, "frames at 24 a second, but the take"),
         (lambda t: replace(t, rate=30.0), {}, "frames at 30 a second, but the take"),
         (lambda t: replace(t, rest=t.rest + 20), {}, "mm from the rig"),
+        (lambda t: replace(t, positions=np.full_like(t.positions, np.nan)), {}, "No track was found in any frame"),
         (lambda t: t, {"head": "remove"}, "keep the head's motion"),
     ],
 )

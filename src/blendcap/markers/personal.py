@@ -25,7 +25,7 @@ WAVES = 60  # smooth functions that span it
 NOISE = 3.0  # mm: of a coordinate in a frame, as if frames and points erred each on its own
 BLOCK = 2.0  # seconds of a stretch that is left out as a whole, and foretold
 FOLDS = 2
-LEAST = 0.003  # part of what left-out frames lack; who foretells less has learned from noise
+LEAST = 0.01  # part of what left-out frames lack; who foretells less has learned from noise
 MUCH = 0.5  # part of a shape's own largest motion, beyond which a change is no person's way
 LEAST_BLOCKS = 4  # of that length: a shorter take would be judged by itself
 
@@ -142,7 +142,8 @@ class _Skin:
     waves: np.ndarray  # (V, K) smooth functions there
     captured: tuple[SurfacePoints, SurfacePoints | None]  # markers and tracks
     there: np.ndarray  # (P, K) smooth functions at the captured points
-    deltas: np.ndarray  # (P, N, 3) what each shape does to them, mm
+    moved: np.ndarray  # (P, N, 3) what each shape does to them, mm
+    deltas: np.ndarray  # (P, N, 3) the same as far as they may tell it
 
     @classmethod
     def of(cls, rig: Rig, binding: Binding, tracks: PaintTracks | None) -> _Skin:
@@ -150,7 +151,8 @@ class _Skin:
         moving = learned_from(rig)
         waves = smooth_functions(rig.mesh.vertices[moving], REACH, WAVES)
         rest = np.concatenate([points.positions(rig.mesh) for points in captured if points is not None])
-        return cls(rig, moving, waves(rig.mesh.vertices[moving]), captured, waves(rest), _deltas(rig, *captured))
+        moved = np.hstack([rig.sample(points)[1] for points in captured if points is not None]).transpose(1, 0, 2)
+        return cls(rig, moving, waves(rig.mesh.vertices[moving]), captured, waves(rest), moved, _deltas(rig, *captured))
 
     def sampled(self, rig: Rig) -> np.ndarray:
         """What each shape does to the captured points (P, N, 3), mm."""
@@ -163,7 +165,7 @@ class _Skin:
         points = SeenPoints(self.deltas, self.there, axes, (answer.trusted / NOISE) ** 2)
         weights, seen = answer.unknowns[:, : rows.shapes], ~rows.missing
         missed = rows.targets - rows.helmet_part(answer.unknowns)
-        missed -= rows.along(np.tensordot(weights, self.deltas, axes=(1, 1)))
+        missed -= rows.along(np.tensordot(weights, self.moved, axes=(1, 1)))  # a tongue that is out moves lips, too
         fold = (np.arange(len(weights)) / (BLOCK * rate)).astype(int) % FOLDS
         parts = [moments(points, weights[fold == k], missed[fold == k], seen[fold == k]) for k in range(FOLDS)]
         return fit_bends(points, parts, SCALES if scale is None else (scale,))

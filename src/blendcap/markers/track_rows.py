@@ -30,7 +30,8 @@ def check_tracks(tracks: PaintTracks, rig: Rig, take: MarkerTake, binding: Bindi
     Raises
     ------
     InputError
-        If the tracks have other frames than the take, lie on another rig, or the head's motion is to be removed.
+        If the tracks have other frames than the take, lie on another rig or were all lost, or the head's motion is to
+        be removed.
     """
     if head == "remove":
         raise InputError("Tracks come from cameras on the helmet, and so must the markers: keep the head's motion.")
@@ -40,6 +41,8 @@ def check_tracks(tracks: PaintTracks, rig: Rig, take: MarkerTake, binding: Bindi
             f"The tracks have {len(tracks.positions)} frames at {tracks.rate:g} a second, but the take {frames} at "
             f"{take.rate:g}; follow the paint in the film of this take."
         )
+    if not np.isfinite(tracks.positions).any():
+        raise InputError("No track was found in any frame; look at the picture that facs track writes.")
     far = np.linalg.norm(binding.to_rig(tracks.rest) - tracks.points.positions(rig.mesh), axis=1)
     if np.median(far) > FAR:
         raise InputError(
