@@ -40,6 +40,7 @@ from blendcap.synthetic.performances import for_rig
 from blendcap.synthetic.performer import make_performer
 from blendcap.synthetic.shot import Shot
 from blendcap.synthetic.takes import SKIN, Truth, choose_points, make_take
+from ict_people import with_seated_eyes
 
 RATE = 24.0  # of the exercises
 LESSON_RATE = 12.0  # of the lessons: frames that are far apart teach more
@@ -50,7 +51,7 @@ APART = 3.0  # mm from the middle of a stroke to that of a marker, at least
 SHARED = "lip_red"  # paint that gives way to markers: lips bear both
 ASIDE = {"10L+12L+18L+23L": "AU10+12+18+23L", "10R+12R+18R+23R": "AU10+12+18+23R"}
 UNITS = tuple(ASIDE.get(unit, f"AU{unit}") for unit in TRAINED)
-PEOPLE = {"mannequin": (1, 21, 22), "ICT": (101, 111, 112)}  # the first is the teacher
+PEOPLE = {"mannequin": (1, 31, 32), "ICT": (101, 121, 122)}  # the first is the teacher
 PLAYED = {"mannequin": ("alexdjulin_alex_rom_3.csv", 3300, 3700), "ICT": ("alexdjulin_alex_rom_3.csv", 3630, 4030)}
 
 
@@ -69,13 +70,14 @@ def face(kind: str, person: int) -> Rig:
     """The rig of a person with ARKit's shapes; 0 is the template."""
     if kind == "mannequin":
         return blendcap.mannequin(person, shapes=52)
-    rig = blendcap.read_rig(DATA / "rigs" / "ict_facekit.npz")
+    if person == 0:
+        rig = blendcap.read_rig(DATA / "rigs" / "ict_facekit.npz")
+        return replace(rig, regions={**rig.regions, **_regions(rig)}, contacts=find_contacts(rig), name="ICT 0")
+    template = face(kind, 0)
     with np.load(DATA / "rigs" / "ict_facekit.npz", allow_pickle=False) as file:
         modes = file["identity_deltas"]
-        size = 0.0 if person == 0 else MM
-        shift = size * np.tensordot(np.random.default_rng(person).normal(size=len(modes)), modes, axes=1)
-    rig = replace(rig, regions={**rig.regions, **_regions(rig)}, contacts=find_contacts(rig))
-    return replace(rig, mesh=rig.mesh.with_vertices(rig.mesh.vertices + shift), name=f"ICT {person}")
+        shift = MM * np.tensordot(np.random.default_rng(person).normal(size=len(modes)), modes, axes=1)
+    return replace(with_seated_eyes(template, template.mesh.vertices + shift), name=f"ICT {person}")
 
 
 def _regions(rig: Rig) -> dict[str, np.ndarray]:

@@ -105,3 +105,20 @@ def test_other_markers_are_worn_in_the_same_slipping_helmet(benchmark_module):
     expected = np.einsum("tij,tkj->tki", slipped[:, :3, :3], still) + slipped[:, None, :3, 3]
     np.testing.assert_allclose(told.positions, expected, atol=1e-9)
     assert np.nanstd(other.positions - told.positions) < 0.25 and np.abs(truth.slip).max() > 1.0
+
+
+def test_lids_of_made_up_people_meet_and_lie_on_their_eyeballs(benchmark_module, data):
+    film = benchmark_module("hybrid_data")
+    template, person = film.face("ICT", 0), film.face("ICT", 111)
+    for side, shape in (("left", "eyeBlink_L"), ("right", "eyeBlink_R")):
+        gap, sunk = [], []
+        for rig in (template, person):
+            upper, lower = rig.contacts[f"lids_{side}"].T
+            shut = rig.mesh.vertices + rig.deltas[rig.index(shape)]
+            gap.append(np.linalg.norm(shut[upper] - shut[lower], axis=1).mean())
+            eye = rig.mesh.vertices[rig.regions[f"eyeball_{side}"]]
+            center, radius = eye.mean(0), np.linalg.norm(eye - eye.mean(0), axis=1).max()
+            at = [way * shut + (1 - way) * rig.mesh.vertices for way in (0.0, 0.5, 1.0)]
+            sunk.append([(np.linalg.norm(v[[*upper, *lower]] - center, axis=1) / radius).min() for v in at])
+        assert gap[1] < 1.1 * gap[0] < 0.8  # with the modes as they are it is 2.1 mm
+        np.testing.assert_array_less(np.array(sunk[0]) - 0.03, sunk[1])  # of the radius; as they are it is 0.05
