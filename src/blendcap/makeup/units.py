@@ -20,12 +20,12 @@ class Region(NamedTuple):
 # faces are laid over each other was chosen on the tuning takes: motion of strokes is like from face to face as it is.
 REGIONS: tuple[Region, ...] = (
     Region(
-        "brows", ("forehead_right", "forehead_left", "glabella"), ("AU1", "AU2L", "AU2R", "AU4L", "AU4R"),
-        "motion", aligned=False,
+        "brows", ("forehead_right", "forehead_left", "glabella", "nose_right", "nose_left"),  # a sneer is no frown
+        ("AU1", "AU2L", "AU2R", "AU4L", "AU4R"), "motion", aligned=False,
     ),
     Region(
         "nose", ("glabella", "nose_right", "nose_left", "mouth_right", "mouth_left"),  # the upper lip rises, too
-        ("AU9L", "AU9R"), "fine",
+        ("AU9L", "AU9R"), "fine", aligned=False,
     ),
     Region(
         "eyes", ("eye_right", "eye_left"),
@@ -41,7 +41,7 @@ REGIONS: tuple[Region, ...] = (
 # Section 7.2.1 of Reading Between the Dots (2016): classes, of which a frame is in one. The last two are its sideways
 # pucker, 10 + 12 + 18 + 23 on one side.
 PAPER_REGIONS: tuple[Region, ...] = (
-    Region("brows", REGIONS[0].patches, ("AU1+2", "AU4")),
+    Region("brows", REGIONS[0].patches[:3], ("AU1+2", "AU4")),
     Region("nose", ("glabella",), ("AU9",)),
     Region("eyes", REGIONS[2].patches, ("AU7", "AU45", "AU6+43")),
     Region("mouth", REGIONS[3].patches, ("AU10+12+18+23L", "AU10+12+18+23R")),

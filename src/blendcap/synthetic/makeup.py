@@ -42,8 +42,8 @@ lip_red_2_right      50,50,50,61 .0 .0 / 50,61 .0 .0 / 50,61,61 .0 .0
 lip_red_3_right      59,59,59,60,67 .0 .0 / 59,60,67 .0 .0
 lip_red_4_right      58,58,58,67 .0 .0 / 58,67 .0 .0 / 58,67,67 .0 .0
 lip_red_5            57,57,57,66 .0 .0 / 57,66 .0 .0 / 57,66,66 .0 .0
-nose_side_1_right    31 -.015 .145 / 31 -.06 .13 / 31 -.10 .10
-nose_side_2_right    31 -.0 .055 / 31 -.045 .055 / 31 -.085 .03
+nose_side_1_right    29,31 .01 .09 / 29,31 -.05 .085 / 29,31 -.11 .06
+nose_side_2_right    29,31 -.005 .01 / 29,31 -.06 .01 / 29,31 -.125 -.01
 """
 ACTION_UNITS = {  # what each stroke is there to show
     "brow_inner": (1,), "brow_outer": (2,), "glabella": (4, 9), "bridge": (9,), "lid_upper": (45, 43, 7),
