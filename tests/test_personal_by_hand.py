@@ -60,7 +60,7 @@ def heard(slipping, monkeypatch):
 
 def by_hand(rig: Rig, deltas, places, helmet, axes, answer: Answer):
     """The ridge of docs/rigging.md as one tall matrix: coefficients, scale, and the part that is foretold."""
-    functions = smooth_functions(rig.mesh.vertices[learned_from(rig)], 0.15, WAVES)(places)
+    functions = smooth_functions(rig.mesh.vertices[learned_from(rig)], 0.1, WAVES)(places)
     weights, sure = answer.unknowns[:, : len(FEW)], answer.trusted / 3.0
     known = np.tensordot(answer.unknowns, np.concatenate([deltas, helmet]), axes=1)
     left = answer.rows.targets - np.einsum("pij,tpj->tpi", axes, known)
@@ -103,7 +103,7 @@ def test_what_is_off_stays_and_what_is_on_changes_as_told(heard):
     assert residual < 1e-4
     np.testing.assert_allclose(refined.deltas[OFF], rig.deltas[OFF], atol=1e-4)
     old = rig.deltas[:, moving].transpose(1, 0, 2).astype(np.float64)
-    functions = smooth_functions(rig.mesh.vertices[moving], 0.15, WAVES)(rig.mesh.vertices[moving])
+    functions = smooth_functions(rig.mesh.vertices[moving], 0.1, WAVES)(rig.mesh.vertices[moving])
     told = bent(old, functions, found.coefficients).transpose(1, 0, 2)
     row = rig.index("browInnerUp")  # far from all contact
     assert np.abs(told[row]).max() > 0.3

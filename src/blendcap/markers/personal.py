@@ -20,8 +20,8 @@ from blendcap.solving.settings import SolveSettings
 from blendcap.solving.shares import full_weights, in_shares
 
 ROUNDS = 3  # weights, then shapes, and again
-REACH = 0.15  # of the face's extent: how far a change stays alike
-WAVES = 60  # smooth functions that span it
+REACH = 0.1  # of the face's extent: how far a change stays alike
+WAVES = 120  # smooth functions that span it
 NOISE = 3.0  # mm: of a coordinate in a frame, as if frames and points erred each on its own
 BLOCK = 2.0  # seconds of a stretch that is left out as a whole, and foretold
 FOLDS = 2
