@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from PIL import Image
+from scipy.spatial.transform import Rotation
 
 import blendcap
 from blendcap.cli import main
@@ -23,10 +24,12 @@ from blendcap.makeup.classifier import PatchClassifier, RegionModel
 from blendcap.makeup.lesson import Lesson
 from blendcap.makeup.packing import KIND, VERSION, pack
 from blendcap.makeup.patches import Patches
-from blendcap.makeup.setup import Setup, _hidden, locate
+from blendcap.makeup.setup import HOLD, Setup, _hidden, locate
+from blendcap.makeup.stabilization import held
 from blendcap.makeup.training import train_classifier
 from blendcap.makeup.units import Region
 from blendcap.modeling.rays import RayTarget
+from blendcap.numerics.similarity import apply
 from blendcap.rendering.camera import look_at, project
 from blendcap.synthetic.exercises import action_units
 from blendcap.synthetic.head_camera import film_head, mount_head_camera
@@ -342,16 +345,38 @@ def test_patches_and_dots_are_found_by_the_markers(rig, bound):
         locate(rig, take, binding, helmet.cameras, [helmet.size] * 4, stable[:1])
 
 
-def test_without_names_each_camera_takes_the_stillest_markers_that_it_sees(rig, bound):
+def test_without_names_the_head_s_pose_holds_the_pictures_still(rig, bound):
     take, binding = bound
     helmet = mount_head_camera(rig, seed=1)
-    setup = locate(rig, take, binding, helmet.cameras, [helmet.size] * 4)
-    motion = np.linalg.norm(rig.sample(binding.points)[1], axis=2).max(0)
+    weights = np.zeros((4, len(rig.names)))
+    weights[1:, rig.index("jawOpen")], weights[2:, rig.index("browInnerUp")] = 0.5, 1.0
+    rest, deltas = rig.sample(binding.points)
+    turns = Rotation.from_rotvec([[0, 0, 0], [0.03, 0, 0], [0, -0.05, 0.02], [0.01, 0.02, 0.03]]).as_matrix()
+    shifts = np.array([[0, 0, 0], [1.0, 2, 0], [-2, 0, 3], [0, 4, 0]])
+    moved = apply(binding.to_take(rest + np.tensordot(weights, deltas, axes=1)), turns, shifts)
+    moved[1, :5], moved[3] = np.nan, np.nan  # gaps, and a frame in which nothing is seen
+    whole = replace(take, positions=moved)
+    setup = locate(rig, whole, binding, helmet.cameras, [helmet.size] * 4)
+    head = apply(binding.to_take(landmarks68(rig).positions(rig.mesh)[list(HOLD)]), turns, shifts)
     for camera, anchors in zip(helmet.cameras, setup.anchors, strict=True):
-        pixels, _ = project(take.positions[0], camera)
-        taken = [int(np.linalg.norm(pixels - anchor, axis=1).argmin()) for anchor in anchors]
-        assert len(set(taken)) == len(anchors) >= 2
-        assert motion[taken].max() < 2 or len(taken) == 2
+        true, _ = project(head, camera)
+        assert np.isnan(anchors[3]).all()
+        assert np.abs(anchors[:3] - true[:3]).max() < 0.5 < np.abs(true[1:3] - true[0]).max()
+        stabilizer = held(np.zeros((480, 640), np.uint8), anchors)
+        ways = [stabilizer.follow(np.zeros((480, 640), np.uint8)) for _ in range(4)]
+        assert [sure for _, sure in ways] == [1, 1, 1, 0]
+        np.testing.assert_array_equal(ways[3][0], ways[2][0])  # the last known place
+        for (matrix, _), there in zip(ways[:3], anchors[:3], strict=True):
+            assert np.std(anchors[0] @ matrix[:, :2].T + matrix[:, 2] - there) < 1.5  # a head is not flat
+
+
+def test_a_first_frame_without_markers_holds_no_picture_still(rig, bound):
+    take, binding = bound
+    helmet = mount_head_camera(rig, seed=1)
+    blind = take.positions.copy()
+    blind[0, 2:] = np.nan
+    with pytest.raises(InputError, match="first frame has fewer than 3 of the markers"):
+        locate(rig, replace(take, positions=blind), binding, helmet.cameras, [helmet.size] * 4)
 
 
 def test_the_dot_of_a_missing_marker_is_still_in_the_picture(rig, bound):
@@ -378,11 +403,11 @@ def test_a_marker_behind_the_nose_holds_no_picture_still(rig, bound, monkeypatch
 
     helmet = mount_head_camera(rig, seed=1)
     sizes = [helmet.size] * 4
-    before = locate(rig, take, binding, helmet.cameras, sizes).anchors[0]
+    before = locate(rig, take, binding, helmet.cameras, sizes, take.names).anchors[0]
     pixels, _ = project(take.positions[0], helmet.cameras[0])
     stillest = int(np.linalg.norm(pixels - before[0], axis=1).argmin())
     monkeypatch.setattr("blendcap.makeup.setup._hidden", lambda points, *_: np.arange(len(points)) == stillest)
-    after = locate(rig, take, binding, helmet.cameras, sizes).anchors[0]
+    after = locate(rig, take, binding, helmet.cameras, sizes, take.names).anchors[0]
     assert np.linalg.norm(after - before[0], axis=1).min() > 1
 
 

@@ -48,7 +48,8 @@ class Footage(Filmed):
     """Where the patches are in the pictures."""
 
     stable: Annotated[tuple[str, ...], Parameter(negative=(), show_default=False)] = ()
-    """A marker that does not move with the face, by name; repeat it for at least three. Found if not given."""
+    """A marker that does not move with the face, by name, to follow in the pictures; repeat it for at least three. If
+    not given, the head's pose, which the markers' places in space tell, holds the pictures still."""
     threshold: float | None = None
     """How much brighter than the skin around it paint is, in multiples of the patch's median. Found if not given."""
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from blendcap.data import InputError
 from blendcap.makeup.regions import PATCH_SIZE
-from blendcap.makeup.stabilization import Stabilizer
+from blendcap.makeup.stabilization import Held, Stabilizer, held
 
 BLOCK = 600  # frames
 LEAST_PAINT, MOST_PAINT = 0.01, 0.5  # part of a neutral patch that paint covers
@@ -31,7 +31,7 @@ class Patches:
     rate : float
         Frames a second.
     sure : (T,) float64
-        Part of the stabilizing points that were found, the least over the cameras.
+        Part of the stabilizing points that were found, the least over the cameras; 1 or 0 where they are not followed.
     neutral : {patch: (h, w) uint8}
         At rest: the first frame of the take.
     """
@@ -89,8 +89,9 @@ def each_block(
         Read once, a frame at a time. The first frame is neutral.
     places : {patch: (camera, corners (4, 2))}
         Where each patch is in the first frame, from `seen_patches`; corners run around the patch.
-    anchors : (K, 2) per camera
-        Pixels, in the first frame, of points that do not move with the face; see `Stabilizer`.
+    anchors : (K, 2) or (T, K, 2) per camera
+        Pixels of points that do not move with the face: in the first frame, then they are followed by optical flow
+        (see `Stabilizer`), or in every frame.
     rate : float
         Frames a second.
     dots : (T, M, 2) per camera, optional
@@ -160,7 +161,7 @@ class _Cutter:
         self.images: dict[str, list[np.ndarray]] = {name: [] for name in self.corners}
         self.sure: list[float] = []
         self.limits: dict[str, float] = {}
-        self.stabilizer: Stabilizer | None = None
+        self.stabilizer: Stabilizer | Held | None = None
 
     def forget(self) -> None:
         """Let go of what was cut so far."""
@@ -169,7 +170,7 @@ class _Cutter:
     def cut(self, frame: np.ndarray, dots: np.ndarray | None, radius: float) -> None:
         first = self.stabilizer is None
         if first:
-            self.stabilizer = Stabilizer(frame, self.anchors)
+            self.stabilizer = held(frame, self.anchors)
         assert self.stabilizer is not None
         matrix, sure = self.stabilizer.follow(frame)
         self.sure.append(sure)

@@ -11,11 +11,14 @@ import numpy as np
 from blendcap.data import Binding, Camera, InputError, MarkerTake, Rig, landmarks68
 from blendcap.makeup.regions import seen_patches
 from blendcap.modeling.rays import RayTarget
+from blendcap.numerics.similarity import align, apply
 from blendcap.rendering import project
 
 FACING = 0.35  # cosine between skin and camera from which on a dot is round enough to follow
 BEFORE = 2.0  # mm by which something before a marker hides it
-STILL = 2.0  # mm by which a shape of the rig moves a marker that is still
+STILL = 2.0  # mm by which a shape moves a marker that tells a quarter as much of the head's pose as a still one
+LEAST_POSE = 3  # markers that tell it
+HOLD = (17, 26, 27, 30, 36, 45, 48, 54)  # landmarks on the head that say where the pictures are
 BORDER = 12  # pixels between a dot that is followed and the border of the picture
 LEAST_FACE, FACE = 0.08, 0.25  # of the picture's height: no face is seen that is smaller; one before a head camera is
 UNITS = {10.0: "cm", 25.4: "in", 1000.0: "m", 0.1: "mm", 1 / 25.4: "mm", 0.001: "mm"}  # what lengths are, by factor
@@ -25,7 +28,7 @@ class Setup(NamedTuple):
     """What `each_block` needs to know of a take."""
 
     places: dict[str, tuple[int, np.ndarray]]  # {patch: (camera, corners (4, 2))}, pixels
-    anchors: list[np.ndarray]  # (K, 2) per camera, pixels in the first frame
+    anchors: list[np.ndarray]  # per camera, pixels: (T, K, 2), or (K, 2) in the first frame, to be followed
     dots: list[np.ndarray]  # (T, M, 2) per camera, pixels; NaN where a marker is never seen
 
     def only(self, patches: Collection[str]) -> Setup:
@@ -55,26 +58,30 @@ def locate(
     sizes : sequence of (width, height)
         Pixels.
     stable : sequence of str, optional
-        Markers that do not move with the face. If not given, of those that a camera sees all that no shape of the rig
-        moves by 2 mm, and the two that move least in any case.
+        Markers that do not move with the face, which are followed in the pictures (the papers' way). If not given, the
+        pictures are held still by the head's pose, which the markers' places in space tell, those most that the rig's
+        shapes move least.
 
     Raises
     ------
     InputError
-        If the rig has no landmarks, a stable marker is unknown, a camera sees fewer than two of them, or the cameras'
-        lengths are in another unit than the take's.
+        If the rig has no landmarks, a stable marker is unknown, a camera sees fewer than two of them, the first frame
+        has fewer than three markers, or the cameras' lengths are in another unit than the take's.
     """
     check_unit(rig, binding, cameras, sizes)
     marks = binding.to_take(landmarks68(rig).positions(rig.mesh))
     places = seen_patches(marks, list(cameras), list(sizes))
-    used = {view for view, _ in places.values()}
-    anchors = _anchors(rig, binding, cameras, sizes, stable)
-    for view in used:
-        if len(anchors[view]) < 2:
-            what = f"the stable markers ({', '.join(stable)})" if stable else "the markers"
-            raise InputError(
-                f"Camera {view} sees {len(anchors[view])} of {what}, but needs two; name stable markers that it sees."
-            )
+    if stable:
+        anchors = _anchors(rig, binding, cameras, sizes, stable)
+        for view in {view for view, _ in places.values()}:
+            if len(anchors[view]) < 2:
+                raise InputError(
+                    f"Camera {view} sees {len(anchors[view])} of the stable markers ({', '.join(stable)}), but needs "
+                    "two; name stable markers that it sees, or none."
+                )
+    else:
+        moved = _carried(marks[list(HOLD)], rig, take, binding)
+        anchors = [project(moved, camera)[0] for camera in cameras]
     dots = [project(_filled(take), camera)[0] for camera in cameras]
     return Setup(places, anchors, dots)
 
@@ -87,18 +94,35 @@ def _anchors(rig: Rig, binding: Binding, cameras, sizes, stable: Sequence[str]) 
         raise InputError(f"The stable marker {lost[0]!r} is not bound to the rig; name others.")
     rest = binding.to_take(binding.points.positions(rig.mesh) + binding.offsets)
     normals = _normals(rig, binding) @ binding.rotation
-    motion = np.linalg.norm(rig.sample(binding.points)[1], axis=2).max(0)
     face = RayTarget(binding.to_take(rig.mesh.vertices), rig.mesh.faces)
     anchors = []
     for camera, size in zip(cameras, sizes, strict=True):
         pixels, seen = _seen(rest, normals, camera, size)
         seen &= ~_hidden(rest, camera, face)
         rows = [names.index(name) for name in stable if seen[names.index(name)]]
-        if not stable:
-            quiet = np.flatnonzero(seen)[np.argsort(motion[seen], kind="stable")]
-            rows = quiet[: max(np.count_nonzero(motion[quiet] < STILL), 2)]
         anchors.append(pixels[rows])
     return anchors
+
+
+def _carried(points: np.ndarray, rig: Rig, take: MarkerTake, binding: Binding) -> np.ndarray:
+    """Points (K, 3) of the head as its motion carries them, (T, K, 3); NaN where too few markers are seen.
+
+    The pose is a least-squares fit to all markers, the less the rig's shapes move one the more it counts.
+    """
+    rest = binding.to_take(binding.points.positions(rig.mesh) + binding.offsets)
+    motion = np.linalg.norm(rig.sample(binding.points)[1], axis=2).max(0, initial=0.0)
+    seen = take.select(binding.points.names).positions
+    known = np.isfinite(seen).all(2).sum(1) >= LEAST_POSE
+    if not known[0]:
+        raise InputError(
+            f"The first frame has fewer than {LEAST_POSE} of the markers, and the pictures cannot be held still; begin "
+            "with a frame that has more."
+        )
+    counts = (STILL**2 / (STILL**2 + motion**2)) ** 2
+    rotation, translation, _ = align(rest, seen[known], scale=False, weights=counts)
+    carried = np.full((len(seen), *points.shape), np.nan)
+    carried[known] = apply(points, rotation, translation)
+    return carried
 
 
 def _filled(take: MarkerTake) -> np.ndarray:

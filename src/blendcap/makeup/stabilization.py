@@ -1,4 +1,4 @@
-"""How the face sits before the camera in each frame: a similarity from points that do not move with the face."""
+"""How the head sits before the camera in each frame, told by points that do not move with the face."""
 
 from __future__ import annotations
 
@@ -54,6 +54,44 @@ class Stabilizer:
         matrix = similarity(self.points[good], moved[good])
         self.last = (self.points @ matrix[:, :2].T + matrix[:, 2]).astype(np.float32)
         return matrix, float(good.mean())
+
+
+class Held:
+    """Knows where points that do not move with the face are in each frame, from the head's pose.
+
+    Nothing is followed, so nothing is lost. The motion of the picture is the affine one nearest to the points': a head
+    that turns is foreshortened.
+
+    Parameters
+    ----------
+    paths : (T, K, 2)
+        Pixels, K at least 3; NaN in frames in which it is not known.
+    """
+
+    def __init__(self, paths: np.ndarray):
+        if paths.shape[1] < 3 or not np.isfinite(paths[0]).all():
+            raise InputError("Holding the picture still takes three points that are known in the first frame.")
+        self.paths, self.frame = paths, 0
+        self.last = np.eye(3)[:2]
+
+    def follow(self, _: np.ndarray) -> tuple[np.ndarray, float]:
+        """As `Stabilizer.follow`, for the next frame; of one that is not known the last known place is taken."""
+        places = self.paths[self.frame]
+        known = bool(np.isfinite(places).all())
+        if known:
+            self.last = affinity(self.paths[0], places)
+        self.frame += 1
+        return self.last, float(known)
+
+
+def held(neutral: np.ndarray, anchors: np.ndarray) -> Stabilizer | Held:
+    """Whatever holds a camera's picture still: anchors (K, 2) are followed from the neutral frame, (T, K, 2) known."""
+    return Held(anchors) if np.ndim(anchors) == 3 else Stabilizer(neutral, anchors)
+
+
+def affinity(start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """The matrix (2, 3) that takes points (K, 2) to others by an affine map, least squares."""
+    return np.linalg.lstsq(np.column_stack([start, np.ones(len(start))]), end, rcond=None)[0].T
 
 
 def similarity(start: np.ndarray, end: np.ndarray) -> np.ndarray:

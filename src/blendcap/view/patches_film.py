@@ -10,7 +10,7 @@ import numpy as np
 from blendcap.data import Animation
 from blendcap.io.images import write_image
 from blendcap.makeup.setup import Setup
-from blendcap.makeup.stabilization import Stabilizer
+from blendcap.makeup.stabilization import Held, Stabilizer, held
 from blendcap.view.camera_tiles import even, first_of, tile, two_by_two, write_tiles
 from blendcap.view.image import draw_text, text_width
 
@@ -58,14 +58,14 @@ def write_patches_picture(
 
 def _pictures(videos, setup: Setup, curves: Animation, wanted: Collection[int], progress) -> Iterator[np.ndarray]:
     """The wanted frames; the others are only followed."""
-    stabilizers: list[Stabilizer | None] = [None] * len(videos)
+    stabilizers: list[Stabilizer | Held | None] = [None] * len(videos)
     for t, frames in enumerate(zip(*videos, strict=False)):
         if t > max(wanted):
             return
         matrices = []
         for view, frame in enumerate(frames):
-            if t == 0 and len(setup.anchors[view]) > 1:
-                stabilizers[view] = Stabilizer(frame, setup.anchors[view])
+            if t == 0 and setup.anchors[view].shape[-2] > 1:  # else no patch is there
+                stabilizers[view] = held(frame, setup.anchors[view])
             stabilizer = stabilizers[view]
             matrices.append(np.eye(3)[:2] if stabilizer is None else stabilizer.follow(frame)[0])
         if t in wanted:
