@@ -367,7 +367,7 @@ def test_without_names_the_head_s_pose_holds_the_pictures_still(rig, bound):
         assert [sure for _, sure in ways] == [1, 1, 1, 0]
         np.testing.assert_array_equal(ways[3][0], ways[2][0])  # the last known place
         for (matrix, _), there in zip(ways[:3], anchors[:3], strict=True):
-            assert np.std(anchors[0] @ matrix[:, :2].T + matrix[:, 2] - there) < 1.5  # a head is not flat
+            assert np.std(anchors[0] @ matrix[:, :2].T + matrix[:, 2] - there) < 2  # a head is not flat
 
 
 def test_a_first_frame_without_markers_holds_no_picture_still(rig, bound):
