@@ -7,7 +7,7 @@ import pytest
 from blendcap.data import Camera, InputError
 from blendcap.makeup.patches import Patches, each_block, extract_patches, flows, laid_over, paint, paint_threshold
 from blendcap.makeup.regions import PATCH_SIZE, PATCHES, patch_corners, seen_patches
-from blendcap.makeup.stabilization import Stabilizer, similarity
+from blendcap.makeup.stabilization import Held, Stabilizer, similarity
 from blendcap.rendering.camera import look_at
 from toy_makeup import draw
 
@@ -215,3 +215,10 @@ def test_the_camera_that_sees_a_patch_best_is_taken(landmarks):
         seen_patches(landmarks, [away], [(640, 480)])
     with pytest.raises(InputError, match="placed by 68 landmarks"):
         patch_corners(landmarks[:10])
+
+
+def test_a_video_that_outlasts_the_take_is_refused():
+    pose = Held(np.tile([[0.0, 0], [9, 0], [0, 9]], (2, 1, 1)))
+    assert [pose.follow(frame())[1] for _ in range(2)] == [1, 1]
+    with pytest.raises(InputError, match="goes on after the 2 frames of the take"):
+        pose.follow(frame())

@@ -76,6 +76,10 @@ class Held:
 
     def follow(self, _: np.ndarray) -> tuple[np.ndarray, float]:
         """As `Stabilizer.follow`, for the next frame; of one that is not known the last known place is taken."""
+        if self.frame == len(self.paths):
+            raise InputError(
+                f"The video goes on after the {self.frame} frames of the take; cut both to the same frames."
+            )
         places = self.paths[self.frame]
         known = bool(np.isfinite(places).all())
         if known:

@@ -16,11 +16,13 @@ class Region(NamedTuple):
     aligned: bool = True  # whether another face is laid over the training face first
 
 
+FOREHEAD = ("forehead_right", "forehead_left", "glabella")
+
 # Each unit on its own: a regression tells them side by side, also where they come together. What is seen and whether
 # faces are laid over each other was chosen on the tuning takes: motion of strokes is like from face to face as it is.
 REGIONS: tuple[Region, ...] = (
     Region(
-        "brows", ("forehead_right", "forehead_left", "glabella", "nose_right", "nose_left"),  # a sneer is no frown
+        "brows", (*FOREHEAD, "nose_right", "nose_left"),  # a sneer is no frown
         ("AU1", "AU2L", "AU2R", "AU4L", "AU4R"), "motion", aligned=False,
     ),
     Region(
@@ -41,7 +43,7 @@ REGIONS: tuple[Region, ...] = (
 # Section 7.2.1 of Reading Between the Dots (2016): classes, of which a frame is in one. The last two are its sideways
 # pucker, 10 + 12 + 18 + 23 on one side.
 PAPER_REGIONS: tuple[Region, ...] = (
-    Region("brows", REGIONS[0].patches[:3], ("AU1+2", "AU4")),
+    Region("brows", FOREHEAD, ("AU1+2", "AU4")),
     Region("nose", ("glabella",), ("AU9",)),
     Region("eyes", REGIONS[2].patches, ("AU7", "AU45", "AU6+43")),
     Region("mouth", REGIONS[3].patches, ("AU10+12+18+23L", "AU10+12+18+23R")),
