@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 import cv2
+import igl
 import numpy as np
 import pytest
 
@@ -11,7 +12,7 @@ from blendcap import Animation, Camera, InputError, Mesh, Rig, SurfacePoints, re
 from blendcap.rendering import vertex_normals
 from blendcap.rendering.grey import GreySurface
 from blendcap.synthetic.head_camera import HeadCamera, Sensor, film_head, mount_head_camera, slip_matrices
-from blendcap.synthetic.makeup import ACTION_UNITS, Hand, draw_makeup
+from blendcap.synthetic.makeup import ACTION_UNITS, BLINKS, Hand, draw_makeup
 from blendcap.synthetic.mannequin import mannequin
 from blendcap.synthetic.paint import Stroke, paint
 from blendcap.synthetic.performances import for_rig
@@ -287,6 +288,7 @@ def test_makeup_is_where_the_paper_says(scene):
         assert abs(at["glabella", side][0]) < abs(line[0, 0]) + 0.05 * unit
         assert marks[lid, 1].mean() - 0.01 * unit < at["lid_upper", side][1] < line[:, 1].mean()
         assert marks[33, 1] < at["lid_lower", side][1] < marks[lid, 1].mean() - 0.1 * unit
+        assert marks[28, 1] > at["cheek", side][1] > marks[33, 1]  # a mid line of the cheek, under the eye
         assert marks[51, 1] < at["lip_upper", side][1] < marks[33, 1]
         assert marks[8, 1] < at["lip_lower", side][1] < marks[57, 1] + 0.05 * unit
         assert marks[58, 1] < at["lip_red", side][1] < marks[50, 1]
@@ -302,11 +304,39 @@ def test_hands_differ_and_one_hand_repeats_itself():
 
 
 def test_a_steady_hand_paints_both_sides_alike():
-    strokes = {s.name: s.points for s in draw_makeup(small(), seed=1, hand=Hand(0.0, 0.0, 0.0))}
+    strokes = {s.name: s.points for s in draw_makeup(mannequin(), seed=1, hand=Hand(0.0, 0.0, 0.0))}
     for name, right in strokes.items():
         if name.endswith("_right"):
             left = strokes[name.replace("_right", "_left")]
             np.testing.assert_allclose(left.mean(0) * [-1, 1, 1], right.mean(0), atol=0.05)
+
+
+def test_upper_lids_are_painted_with_the_eyes_shut():
+    """The plan's heights above the lid's margin, 3 % of the face's unit in its middle, are those of the shut lid."""
+    rig = mannequin(3)
+    shut = rig.mesh.with_vertices(rig.mesh.vertices + rig.deltas[[rig.index(n) for n in BLINKS]].sum(0))
+    marks = rig.points["landmarks68"].positions(shut)
+    unit = np.linalg.norm(np.subtract(*rig.points["landmarks68"].positions(rig.mesh)[[45, 36]]))
+    strokes = {s.name: s.points for s in draw_makeup(rig, seed=1, hand=Hand(0.0, 0.0, 0.0))}
+    for side, margin in (("right", [37, 38]), ("left", [43, 44])):
+        points = strokes[f"lid_upper_{side}"]
+        _, faces, foot = igl.point_mesh_squared_distance(points, rig.mesh.vertices, rig.mesh.faces)[:3]
+        corners = rig.mesh.faces[faces]
+        share = igl.barycentric_coordinates(foot, *(np.ascontiguousarray(rig.mesh.vertices[c]) for c in corners.T))
+        posed = np.einsum("kc,kcd->kd", share, shut.vertices[corners])
+        inner = np.abs(posed[:, 0] - marks[margin, 0].mean()) < 0.02 * unit
+        height = posed[inner, 1] - marks[margin, 1].mean()
+        np.testing.assert_allclose(height.mean() / unit, 0.033, atol=0.004)
+
+
+def test_a_rig_that_cannot_blink_is_painted_with_open_eyes():
+    rig = mannequin(3, 52)
+    still = replace(rig, deltas=np.where([[[name in BLINKS]] for name in rig.names], 0, rig.deltas))
+    bare = rig.select([name for name in rig.names if name not in BLINKS])
+    ours, theirs, shut = ({s.name: s.points for s in draw_makeup(r, seed=1)} for r in (bare, still, rig))
+    assert all(np.array_equal(ours[n], theirs[n]) for n in theirs)
+    assert not any(np.array_equal(ours[n], shut[n]) for n in ("lid_upper_right", "lid_upper_left"))
+    assert min(points[:, 2].min() for points in ours.values()) > 30  # not through the eye on the back of the head
 
 
 def test_makeup_moves_with_the_skin(scene):

@@ -13,7 +13,7 @@ from blendcap.makeup import training
 from blendcap.makeup.augmentation import warped
 from blendcap.makeup.classifier import margin, tally
 from blendcap.makeup.curves import WINDOWS, classify
-from blendcap.makeup.features import COARSE, MOTION, SOFT, features, fine_motion, gabor, gabor_bank, motion
+from blendcap.makeup.features import COARSE, MEAN_MOTION, MOTION, SOFT, features, fine_motion, gabor, gabor_bank, motion
 from blendcap.makeup.intensity import measure_intensity
 from blendcap.makeup.labels import soft
 from blendcap.makeup.lesson import Lesson
@@ -190,20 +190,32 @@ def test_motion_is_how_far_a_stroke_has_moved():
         assert abs(moved[..., 0].sum() / paint) < 0.2 and np.abs(still).max() < 1e-3 * MOTION
 
 
-def test_a_thin_stroke_between_others_that_keep_still_is_seen_to_move():
-    def drawn(rise: int) -> np.ndarray:
-        image = np.zeros((44, 56), dtype=np.uint8)
-        image[[8, 9, 24, 25], 6:50] = 255
-        image[38 - rise : 41 - rise, 20:40] = 255
-        return image
+def with_rising_stroke(rise: int, width: int = 3) -> np.ndarray:
+    """A patch with two long strokes that keep still and a short one that rises."""
+    image = np.zeros((44, 56), dtype=np.uint8)
+    image[[8, 9, 24, 25], 6:50] = 255
+    image[41 - width - rise : 41 - rise, 20:40] = 255
+    return image
 
-    paint = cv2.GaussianBlur(drawn(0), (0, 0), SOFT).astype(np.float32) / 255 * MOTION
+
+def test_a_thin_stroke_between_others_that_keep_still_is_seen_to_move():
+    paint = cv2.GaussianBlur(with_rising_stroke(0), (0, 0), SOFT).astype(np.float32) / 255 * MOTION
     weight = cv2.resize(paint, (14, 11), interpolation=cv2.INTER_AREA)[9, 6:9].mean()
     for rise in (1, 2):
-        fine, coarse = (kind(drawn(rise), drawn(0))[..., 1] for kind in (fine_motion, motion))
-        assert fine[9, 6:9].mean() / weight == pytest.approx(-rise, abs=0.3)
-        assert abs(coarse[9, 6:9].mean() / weight + rise) > abs(fine[9, 6:9].mean() / weight + rise)
-        assert np.abs(fine[[2, 6], 2:11]).max() < 0.2 * weight
+        frame, rest = with_rising_stroke(rise), with_rising_stroke(0)
+        fine = fine_motion(frame, rest)[..., 1] / MEAN_MOTION
+        share = motion(frame, rest)[9, 6:9, 1].mean() / weight
+        assert fine[9, 6:9].mean() == pytest.approx(-rise, rel=0.3)
+        assert abs(share + rise) > abs(fine[9, 6:9].mean() + rise)
+        assert np.abs(fine[[2, 6], 2:11]).max() < 0.25
+
+
+def test_mean_motion_does_not_tell_how_broad_a_stroke_is():
+    def seen(kind, width):
+        return kind(with_rising_stroke(2, width), with_rising_stroke(0, width))[9, 6:9, 1].mean()
+
+    assert seen(fine_motion, 5) == pytest.approx(seen(fine_motion, 3), rel=0.15)
+    assert seen(motion, 5) != pytest.approx(seen(motion, 3), rel=0.3)
 
 
 def test_takes_teach_together_and_each_unit_need_not_be_in_all():

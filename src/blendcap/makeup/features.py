@@ -21,6 +21,9 @@ CELL = 2  # pixels of a patch to one of a feature, in both directions
 COARSE = 4  # the same of motion
 SOFT = 2.0  # pixels of blur before motion is sought
 MOTION = 25.0  # a pixel of motion counts as much as this: about as much as a Gabor filter's answer
+NEAR = 4.0  # pixels: paint whose motion is averaged
+BARE = 0.02  # of white: where there is less paint near, it tells little
+MEAN_MOTION = 8.0  # a pixel of mean motion counts as much as this
 
 
 @cache
@@ -70,26 +73,47 @@ def edges(image: np.ndarray) -> np.ndarray:
     return cv2.resize(strength, (image.shape[1] // CELL, image.shape[0] // CELL), interpolation=cv2.INTER_AREA)
 
 
-def motion(image: np.ndarray, neutral: np.ndarray, finest: int = 1) -> np.ndarray:
+def motion(image: np.ndarray, neutral: np.ndarray) -> np.ndarray:
     """How far the paint of a patch (h, w) uint8 has moved from the neutral one (h / 4, w / 4, 2), where it was.
 
-    By dense inverse search (Kroeger et al. 2016, doi:10.1007/978-3-319-46493-0_29), halved `finest` times.
+    By dense inverse search (Kroeger et al. 2016, doi:10.1007/978-3-319-46493-0_29).
     """
+    moved, paint = _moved(image, neutral, finest=1)
+    return _coarse(moved * paint * MOTION)
+
+
+def fine_motion(image: np.ndarray, neutral: np.ndarray) -> np.ndarray:
+    """Motion to the last pixel, of thin strokes that move by one or two: the mean of the paint near each place.
+
+    A mean, unlike a sum, does not tell how much paint is near, which differs from hand to hand (normalized
+    convolution, Knutsson and Westin 1993, doi:10.1109/CVPR.1993.341081).
+    """
+    import cv2
+
+    moved, paint = _moved(image, neutral, finest=0)
+    total, amount = (cv2.GaussianBlur(values, (0, 0), NEAR) for values in (moved * paint, paint[..., 0]))
+    return _coarse(total / (amount + BARE)[..., None] * MEAN_MOTION)
+
+
+def _moved(image: np.ndarray, neutral: np.ndarray, finest: int) -> tuple[np.ndarray, np.ndarray]:
+    """How far each pixel (h, w, 2) of a neutral patch has moved, and how much paint (h, w, 1) it bore, 0 to 1."""
     import cv2
 
     start, end = (cv2.GaussianBlur(picture, (0, 0), SOFT) for picture in (neutral, image))
     moved = np.asarray(_flow(finest).calc(start, end, None))  # pyright: ignore[reportCallIssue, reportArgumentType]
-    moved = moved * (start.astype(np.float32)[..., None] / 255) * MOTION
-    return cv2.resize(moved, (image.shape[1] // COARSE, image.shape[0] // COARSE), interpolation=cv2.INTER_AREA)
+    return moved, start.astype(np.float32)[..., None] / 255
 
 
-def fine_motion(image: np.ndarray, neutral: np.ndarray) -> np.ndarray:
-    """Motion to the last pixel: sees thin strokes that move by one or two, but also trembles along long ones."""
-    return motion(image, neutral, finest=0)
+def _coarse(values: np.ndarray) -> np.ndarray:
+    """Means (h / 4, w / 4, 2) of cells."""
+    import cv2
+
+    return cv2.resize(values, (values.shape[1] // COARSE, values.shape[0] // COARSE), interpolation=cv2.INTER_AREA)
 
 
 @cache
 def _flow(finest: int):
+    """Dense inverse search whose pictures are halved `finest` times at least."""
     import cv2
 
     flow = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
