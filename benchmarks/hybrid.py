@@ -21,11 +21,13 @@ from blendcap.makeup.classifier import PatchClassifier
 from blendcap.makeup.curves import _answers, _smoothed
 from blendcap.makeup.training import is_clear, recognized, train_classifier
 from blendcap.makeup.units import PAPER_REGIONS
+from blendcap.numerics.stretches import stretches
 from hybrid_counts import hits
 from hybrid_data import PEOPLE, UNITS, exercise, lessons
 from hybrid_solves import BRIEF, FLAW_TEXT, GAINS_TEXT, LAYOUTS, RUNS, SOLVE_TEXT, failures, hybrid
 from results import write_section
 
+FAINT = 0.1  # AU45 of a lid that closes
 SHUT = 0.3  # AU45 of a lid that is shut, or nearly
 SQUEEZED = 0.45  # AU6 for AU45 from which on a shut lid is 6+43, if a take shows one kind only
 APART = 1.15  # times as much AU6 for AU45: by so much the two kinds differ at least
@@ -88,9 +90,9 @@ gets, so judge a machine by what it gets above that, by recall, and by "worst".
 "level": the worst region's part of frames in which the intensity is told within 0.25, too. "45" and "6+43": precision
 and recall, and in brackets where a unit may be told two frames early or late. "worst": the correlation of told and
 true intensity of the unit that is told worst. "svm" is the papers' machine, "intensity" the default, whose 6+43 is a 45
-with much AU6 (the two kinds of shut lids of a take are told apart by where they part) and whose sideways pucker is the
-geometric mean of 10, 12 and 18; how much was set on the lessons, on other takes of the teachers, and on mannequins 5
-and 6 and ICT 104, who are not tested.
+with much AU6 (closing by closing; the two kinds of a take are told apart by where they part) and whose sideways pucker
+is the geometric mean of 10, 12 and 18; how much was set on the lessons, on other takes of the teachers, and on
+mannequins 5 and 6 and ICT 104, who are not tested.
 
 | face | take | method | laid over | brows | nose | eyes | mouth | level | 45 | 6+43 | worst | frames/s |
 |---|---|---|---|---|---|---|---|---|---|---|---|---|
@@ -121,24 +123,37 @@ def _as_classes(told: dict[str, np.ndarray]) -> np.ndarray:
         return np.stack([told[unit] for unit in UNITS], axis=1)
     halves = {unit: np.mean([told[name] for name in told if name.rstrip("LR") == unit], axis=0)
               for unit in {name.rstrip("LR") for name in told}}  # fmt: skip
-    squeezed = halves["AU6"] > squeezed_from(halves["AU6"], halves["AU45"]) * halves["AU45"]
+    tight = squeezed(halves["AU6"], halves["AU45"])
     joint = {"AU1+2": (halves["AU1"] + halves["AU2"]) / 2}
-    joint |= {"AU6+43": np.where(squeezed, halves["AU45"], 0), "AU45": np.where(squeezed, 0, halves["AU45"])}
+    joint |= {"AU6+43": np.where(tight, halves["AU45"], 0), "AU45": np.where(tight, 0, halves["AU45"])}
     for side in "LR":  # the geometric mean: all of them or none
         joint[f"AU10+12+18+23{side}"] = np.cbrt(told[f"AU10{side}"] * told[f"AU12{side}"] * told["AU18"])
     return np.stack([(halves | joint)[unit] for unit in UNITS], axis=1)
 
 
-def squeezed_from(squint: np.ndarray, blink: np.ndarray) -> float:
-    """AU6 for AU45 from which on a shut lid is 6+43: between the two kinds of shut lids of a take, if it has two.
+def squeezed(squint: np.ndarray, blink: np.ndarray) -> np.ndarray:
+    """(T,) bool: where lids are squeezed shut, told closing by closing, from AU6 and AU45 (T,).
+
+    Whoever squeezes the eyes shut does so from the first frame to the last, though AU6 shows late in it.
+    """
+    closings = [slice(first, last + 1) for first, last in stretches(blink > FAINT)]
+    ratios = [float(squint[part].sum() / blink[part].sum()) for part in closings]
+    limit = squeezed_from([r for r, part in zip(ratios, closings, strict=True) if blink[part].max() > SHUT])
+    result = np.zeros(len(blink), dtype=bool)
+    for ratio, part in zip(ratios, closings, strict=True):
+        result[part] = ratio > limit
+    return result
+
+
+def squeezed_from(ratios: Sequence[float]) -> float:
+    """AU6 for AU45 from which on a closing is 6+43: between the two kinds of closings of a take, if it has two.
 
     How much AU6 is told of a lid that only blinks differs from face to face; that squeezed ones show more does not.
     """
-    shut = blink > SHUT
-    ratio = np.sort(np.log(np.maximum(squint[shut], 0.01) / blink[shut]))
-    if len(ratio) < 4:
+    if len(ratios) < 2:
         return SQUEEZED
-    parts = [(ratio[:k], ratio[k:]) for k in range(2, len(ratio) - 1)]
+    logs = np.sort(np.log(np.maximum(ratios, 0.01)))
+    parts = [(logs[:k], logs[k:]) for k in range(1, len(logs))]
     low, high = min(parts, key=lambda part: sum(len(half) * half.var() for half in part))
     middles = float(np.median(low)), float(np.median(high))
     return float(np.exp(np.mean(middles))) if middles[1] - middles[0] > np.log(APART) else SQUEEZED
