@@ -65,6 +65,18 @@ def test_shut_lids_are_judged_where_the_truth_is_plain(counts):
     assert counts.shut(late, true) == "0.50, 0.50 (0.33, 0.33)"
 
 
+def test_a_closing_is_squeezed_as_a_whole_or_not_at_all(benchmark_module):
+    hybrid, hump = benchmark_module("hybrid"), np.sin(np.linspace(0, np.pi, 21))
+    blink = np.concatenate([hump, np.zeros(5)] * 4)
+    squint = np.concatenate([0.2 * hump, np.zeros(5), 0.6 * hump**3, np.zeros(5)] * 2)  # squeezing shows late
+    kind = np.repeat([False, True, False, True], 26) & (blink > hybrid.FAINT)
+    np.testing.assert_array_equal(hybrid.squeezed(squint, blink), kind)
+    np.testing.assert_array_equal(hybrid.squeezed(3 * squint, blink), kind)  # the two kinds part where they part
+    one = np.concatenate([hump, np.zeros(5)])
+    assert not hybrid.squeezed(0.2 * one, one).any() and hybrid.squeezed(0.6 * one, one).any()  # one closing alone
+    assert not hybrid.squeezed(0.2 * blink, blink).any() and hybrid.squeezed(0.6 * blink, blink).any()  # one kind
+
+
 def test_every_gain_is_of_ways_that_are_run(benchmark_module):
     solves = benchmark_module("hybrid_solves")
     for _, ours, theirs in solves.PAIRS:

@@ -24,10 +24,10 @@ def check_outputs(paths: Iterable[Path | None], endings: tuple[str, ...], inputs
     for path in paths:
         if path is None:
             continue
-        if path.suffix.lower() not in endings:
-            raise blendcap.InputError(f"Cannot write {path}: its ending must be one of {', '.join(endings)}.")
         if path.is_dir():
             raise blendcap.InputError(f"Cannot write {path}: it is a folder; name a file inside it.")
+        if path.suffix.lower() not in endings:
+            raise blendcap.InputError(f"Cannot write {path}: its ending must be one of {', '.join(endings)}.")
         if path.resolve() in read:
             raise blendcap.InputError(
                 f"Cannot write {path}: it is an input too, and would be lost; choose another name."

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -38,7 +39,7 @@ def refine(
     ----------
     take
         The markers: .c3d, .trc or .csv, of the take that is to be solved; the longer and the livelier, the more it
-        tells. With --tracks it tells most.
+        tells. Give --tracks, too: markers alone are too few to tell shapes by.
     output
         The refined rig: .glb or .npz, with the same shapes by the same names. Solve with it.
     picture
@@ -62,11 +63,12 @@ def refine(
             given.rig, given.take, binding, settings=settings, progress=tell, **given.paint
         )
     with progress.step("write", f"Write {output}"):
-        write_rig(output, refined.rig)
+        write_rig(output, replace(refined.rig, name=output.stem))
     if picture is not None:
         with progress.step("picture", f"Write {picture}"):
             heat = refined.change.max(0)
-            write_heatmap(picture, given.rig, heat, title="Largest change of a shape at full weight")
+            title = f"Largest change of a shape at full weight, up to {heat.max():.1f} mm"
+            write_heatmap(picture, given.rig, heat, title=title)
     files = [str(path) for path in (output, picture) if path is not None]
     facts = _facts(refined) | {"frames": len(given.take.positions), "seconds": progress.seconds}
     changes = dict(zip(refined.rig.names, refined.change.max(1).tolist(), strict=True))

@@ -26,7 +26,7 @@ def animation_of_table(table: Table) -> Animation:
     curves = [name for name in table.header if name not in ("frame", time)]
     names = [name for name in curves if not name.endswith(_INFLUENCE)]
     if not names:
-        raise InputError(f"{table.where} has no columns of shapes; the header is frame,time,<shape names>.")
+        raise InputError(f"{table.where} has no columns of shapes; its header should be frame,time,<shape names>.")
     confidence = None
     if len(names) < len(curves):
         confidence = np.ones((len(table.rows), len(names)))

@@ -31,7 +31,7 @@ def take_of_table(table: Table, unit: str | None = None) -> MarkerTake:
     names = _markers(table.header)
     if not names:
         raise InputError(
-            f"{table.where} has no markers; the header is frame,time,<marker>_x,<marker>_y,<marker>_z, ..."
+            f"{table.where} has no markers; its header should be frame,time,<marker>_x,<marker>_y,<marker>_z, ..."
         )
     unit = unit or table.meta.get("unit")
     if unit is None:

@@ -26,6 +26,7 @@ NOISE = 3.0  # mm: of a coordinate in a frame, as if frames and points erred eac
 BLOCK = 2.0  # seconds of a stretch that is left out as a whole, and foretold
 FOLDS = 2
 LEAST = 0.01  # part of what left-out frames lack; who foretells less has learned from noise
+FEW = 150  # points; fewer tell weights, not shapes
 MUCH = 0.5  # part of a shape's own largest motion, beyond which a change is no person's way
 LEAST_BLOCKS = 4  # of that length: a shorter take would be judged by itself
 
@@ -104,6 +105,7 @@ def refine_from_take(
     curves = curves_of_take(rig, take, patches, patches_offset)
     shares, full = in_shares(rig), full_weights(rig)
     skin, refined, residual, scale = _Skin.of(shares, binding, tracks), shares, 0.0, None
+    _warn_of_few(len(skin.there))
     problem = problem_of(rig, take, binding, tracks, settings, lambda *_: None)
     progress("the first weights")
     answer = answered(problem, curves, settings, lambda *_: None)
@@ -197,14 +199,25 @@ def _check(take: MarkerTake, settings: SolveSettings, rounds: int) -> None:
         )
 
 
+def _warn_of_few(points: int) -> None:
+    """Say it before the work that some fifty markers do not tell shapes, but weights only."""
+    if points < FEW:
+        log.warning(
+            "Only %d points tell how the shapes differ, and some hundreds are needed: follow paint and skin, too "
+            "(blendcap facs track, then --tracks), or leave the rig as it is.",
+            points,
+        )
+
+
 def _warn(rig: Rig, change: np.ndarray) -> None:
     """Say which shapes changed by more than people differ: they took up something else."""
     moved, before = (np.linalg.norm(part, axis=2).max(1) for part in (change, rig.deltas))
     odd = [name for name, far, own in zip(rig.names, moved, before, strict=True) if far > MUCH * own]
     if odd:
         log.warning(
-            "Changed by more than half of their own motion, which no two faces differ by: %s; the rig is not this "
-            "actor's, or its points are too few to tell shapes by: look at the shapes before you use them.",
+            "Do not use this rig unseen: more than half of their own motion, which no two faces differ by, was changed "
+            "in %s. The rig that was given is not this actor's (blendcap rig build makes one), or the points are too "
+            "few (blendcap facs track finds more).",
             listed(odd, 12),
         )
 
