@@ -30,7 +30,7 @@ from results import write_section
 FAINT = 0.1  # AU45 of a lid that closes
 SHUT = 0.3  # AU45 of a lid that is shut, or nearly
 SQUEEZED = 0.45  # AU6 for AU45 from which on a shut lid is 6+43, if a take shows one kind only
-APART = 1.15  # times as much AU6 for AU45: by so much the two kinds differ at least
+APART = 1.4  # times as much AU6 for AU45: by so much the two kinds differ at least; closings of one kind do not
 PARTS = ("solve", "layouts", "units", "flaws")
 SOLVES = {"solve": ("The hybrid solve", RUNS), "layouts": ("The hybrid solve with other markers", LAYOUTS)}
 NEAR = 0.25  # an intensity that errs by less is right

@@ -53,7 +53,7 @@ def test_the_refined_rig_solves_the_take_better(folder, capsys):
 def test_it_speaks_to_people_in_lines(folder, capsys):
     assert main([*REFINE, "-o", "own.glb"]) == 0
     said, warned = capsys.readouterr()
-    assert "points tell how the shapes differ, and some hundreds are needed" in " ".join(warned.split())
+    assert "points tell how the shapes differ, and a few hundred are needed" in " ".join(warned.split())
     assert blendcap.read_rig("own.glb").name == "own"  # a report on it says which rig it is
     assert "Refine 19 shapes by" in said and "largest changes mm" in said and "wrote" in said and "own.glb" in said
 

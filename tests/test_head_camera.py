@@ -14,7 +14,7 @@ from blendcap.rendering.grey import GreySurface
 from blendcap.synthetic.head_camera import HeadCamera, Sensor, film_head, mount_head_camera, slip_matrices
 from blendcap.synthetic.makeup import ACTION_UNITS, BLINKS, Hand, draw_makeup
 from blendcap.synthetic.mannequin import mannequin
-from blendcap.synthetic.paint import Stroke, paint
+from blendcap.synthetic.paint import Stroke, paint, skin_faces
 from blendcap.synthetic.performances import for_rig
 from blendcap.synthetic.performer import make_performer
 from blendcap.synthetic.takes import Truth, choose_points, make_take
@@ -317,11 +317,13 @@ def test_upper_lids_are_painted_with_the_eyes_shut():
     shut = rig.mesh.with_vertices(rig.mesh.vertices + rig.deltas[[rig.index(n) for n in BLINKS]].sum(0))
     marks = rig.points["landmarks68"].positions(shut)
     unit = np.linalg.norm(np.subtract(*rig.points["landmarks68"].positions(rig.mesh)[[45, 36]]))
+    skin = np.ascontiguousarray(rig.mesh.faces[skin_faces(rig)])
     strokes = {s.name: s.points for s in draw_makeup(rig, seed=1, hand=Hand(0.0, 0.0, 0.0))}
     for side, margin in (("right", [37, 38]), ("left", [43, 44])):
         points = strokes[f"lid_upper_{side}"]
-        _, faces, foot = igl.point_mesh_squared_distance(points, rig.mesh.vertices, rig.mesh.faces)[:3]
-        corners = rig.mesh.faces[faces]
+        away, faces, foot = igl.point_mesh_squared_distance(points, rig.mesh.vertices, skin)[:3]
+        assert away.max() < 1e-4  # on the neutral skin, not where the shut lid was
+        corners = skin[faces]
         share = igl.barycentric_coordinates(foot, *(np.ascontiguousarray(rig.mesh.vertices[c]) for c in corners.T))
         posed = np.einsum("kc,kcd->kd", share, shut.vertices[corners])
         inner = np.abs(posed[:, 0] - marks[margin, 0].mean()) < 0.02 * unit
@@ -333,9 +335,12 @@ def test_a_rig_that_cannot_blink_is_painted_with_open_eyes():
     rig = mannequin(3, 52)
     still = replace(rig, deltas=np.where([[[name in BLINKS]] for name in rig.names], 0, rig.deltas))
     bare = rig.select([name for name in rig.names if name not in BLINKS])
-    ours, theirs, shut = ({s.name: s.points for s in draw_makeup(r, seed=1)} for r in (bare, still, rig))
+    percent = replace(rig, deltas=rig.deltas / 100, bounds=100 * rig.bounds)
+    ours, theirs, shut, same = ({s.name: s.points for s in draw_makeup(r, seed=1)} for r in (bare, still, rig, percent))
     assert all(np.array_equal(ours[n], theirs[n]) for n in theirs)
-    assert not any(np.array_equal(ours[n], shut[n]) for n in ("lid_upper_right", "lid_upper_left"))
+    for name in ("lid_upper_right", "lid_upper_left"):
+        assert not np.array_equal(ours[name], shut[name])
+        np.testing.assert_allclose(same[name], shut[name], atol=1e-3)
     assert min(points[:, 2].min() for points in ours.values()) > 30  # not through the eye on the back of the head
 
 

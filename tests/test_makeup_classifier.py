@@ -207,7 +207,8 @@ def test_a_thin_stroke_between_others_that_keep_still_is_seen_to_move():
         share = motion(frame, rest)[9, 6:9, 1].mean() / weight
         assert fine[9, 6:9].mean() == pytest.approx(-rise, rel=0.3)
         assert abs(share + rise) > abs(fine[9, 6:9].mean() + rise)
-        assert np.abs(fine[[2, 6], 2:11]).max() < 0.25
+        assert np.abs(fine[[2, 6], 2:11]).max() < 0.1
+        assert np.isfinite(fine).all()
 
 
 def test_mean_motion_does_not_tell_how_broad_a_stroke_is():
@@ -401,7 +402,7 @@ def test_damaged_classifiers_are_refused(trained, tmp_path):
     with pytest.raises(InputError, match="holds no patch classifier"):
         read_model(path, KIND, VERSION)
     write_model(path, KIND, 99, meta, arrays)
-    with pytest.raises(InputError, match="of version 99, but 2 is read here"):
+    with pytest.raises(InputError, match=f"of version 99, but {VERSION} is read here"):
         read_model(path, KIND, VERSION)
     with pytest.raises(InputError, match="does not fit together"):
         unpack(meta, arrays | {"0:weights": arrays["0:weights"][:1]})

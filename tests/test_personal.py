@@ -111,13 +111,13 @@ def test_markers_that_only_tremble_teach_nothing(caplog):
 
 def test_shapes_that_are_another_face_s_are_named(someone, caplog):
     refined(someone, tracked(someone), rounds=1)
-    assert "Do not use this rig unseen" not in caplog.text
+    assert "Do not use this rig unseen" not in caplog.text and "are needed" not in caplog.text
     rig = someone.rig
     change = np.zeros_like(rig.deltas)
     change[rig.index("jawOpen")] = 0.6 * rig.deltas[rig.index("jawOpen")]
     change[rig.index("mouthPucker")] = 0.4 * rig.deltas[rig.index("mouthPucker")]
     personal._warn(rig, change)
-    assert "which no two faces differ by, was changed in jawOpen. " in caplog.text
+    assert "differ by: jawOpen. " in caplog.text
 
 
 def test_a_warning_comes_once(someone, caplog):

@@ -12,7 +12,7 @@ from blendcap.makeup.classifier import METHODS, PatchClassifier, RegionModel
 from blendcap.makeup.features import check_features
 from blendcap.makeup.units import Region
 
-KIND, VERSION = "patch classifier", 2
+KIND, VERSION = "patch classifier", 3
 _ARRAYS = ("weights", "offsets", "classes", "trust", "coverage", "errors", "confusion")
 
 

@@ -203,7 +203,7 @@ def _warn_of_few(points: int) -> None:
     """Say it before the work that some fifty markers do not tell shapes, but weights only."""
     if points < FEW:
         log.warning(
-            "Only %d points tell how the shapes differ, and some hundreds are needed: follow paint and skin, too "
+            "Only %d points tell how the shapes differ, and a few hundred are needed: follow paint and skin, too "
             "(blendcap facs track, then --tracks), or leave the rig as it is.",
             points,
         )
@@ -215,9 +215,9 @@ def _warn(rig: Rig, change: np.ndarray) -> None:
     odd = [name for name, far, own in zip(rig.names, moved, before, strict=True) if far > MUCH * own]
     if odd:
         log.warning(
-            "Do not use this rig unseen: more than half of their own motion, which no two faces differ by, was changed "
-            "in %s. The rig that was given is not this actor's (blendcap rig build makes one), or the points are too "
-            "few (blendcap facs track finds more).",
+            "Do not use this rig unseen: these shapes changed by more than half of their own motion, which no two "
+            "faces differ by: %s. The rig that was given is not this actor's (blendcap rig build makes one), or the "
+            "points are too few (blendcap facs track finds more).",
             listed(odd, 12),
         )
 

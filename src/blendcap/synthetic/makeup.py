@@ -18,6 +18,7 @@ from blendcap.data import InputError, Mesh, Rig, landmarks68
 from blendcap.data.names import match
 from blendcap.numerics.barycentric import barycentric_flat
 from blendcap.rendering.rasterize import visibility
+from blendcap.solving.shares import in_shares
 from blendcap.synthetic.paint import Stroke, skin_faces
 
 # Strokes of the subject's right side (_right, mirrored for _left) and of the middle. A place is a mean of landmarks
@@ -66,7 +67,7 @@ PIXEL = 0.25  # of the picture that finds the skin, mm
 FAR = 1e6  # mm; rays from there are parallel
 BORDER = 40.0  # around the landmarks, mm
 CLIFF = 3.0  # mm; where the skin falls away by more from step to step, the brush is lifted
-THROUGH = 30.0  # mm; what lies farther behind the rest of a stroke is seen through an open eye or mouth
+THROUGH = 30.0  # mm; what lies farther behind most of a stroke is seen through an open eye or mouth
 
 
 @dataclass(frozen=True)
@@ -123,8 +124,9 @@ def draw_makeup(rig: Rig, *, seed: int, hand: Hand | None = None) -> list[Stroke
 
 def _with_shut_eyes(rig: Rig) -> Mesh:
     """The neutral with both eyes shut; a rig without such shapes leaves them open."""
+    shares = in_shares(rig)
     blinks = [rig.index(own) for found in match(BLINKS, rig.names).values() for own in found]
-    return rig.mesh.with_vertices(rig.mesh.vertices + rig.deltas[blinks].sum(0, dtype=np.float64))
+    return rig.mesh.with_vertices(rig.mesh.vertices + shares.deltas[blinks].sum(0, dtype=np.float64))
 
 
 def _places(text: str, marks: np.ndarray, unit: float, *, mirrored: bool) -> np.ndarray:
@@ -175,6 +177,7 @@ class _Front:
         weights = barycentric_flat(path, corners[..., :2]).clip(0, 1)  # a pixel's middle may be in the face next to it
         weights /= weights.sum(1, keepdims=True)
         depth = np.einsum("kc,kc->k", weights, corners[..., 2])
-        kept = (face >= 0) & (depth > np.median(depth) - THROUGH)
+        kept = face >= 0
+        kept &= depth > np.median(depth[kept]) - THROUGH if kept.any() else False
         kept[1:] &= np.abs(np.diff(depth)) < CLIFF
         return np.einsum("kc,kcd->kd", weights, self.neutral[self.faces[face]]), kept
