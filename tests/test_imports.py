@@ -53,8 +53,10 @@ def test_the_package_imports_in_a_third_of_a_second():
 
 
 @pytest.mark.slow
-def test_the_help_comes_in_half_a_second():
-    assert seconds("-m", "blendcap", "--help") < 0.5
+def test_the_help_costs_little_beyond_what_prints_it():
+    """Half a second where this was written; a ratio holds on slower machines, too. With numpy it would be 2.5."""
+    libraries = seconds("-c", "import cyclopts, rich.console, rich.markdown")
+    assert seconds("-m", "blendcap", "--help") < 2 * libraries
 
 
 @pytest.mark.parametrize("name", blendcap.__all__)
