@@ -54,9 +54,9 @@ def test_the_package_imports_in_a_third_of_a_second():
 
 @pytest.mark.slow
 def test_the_help_costs_little_beyond_what_prints_it():
-    """Half a second where this was written; a ratio holds on slower machines, too. With numpy it would be 2.5."""
+    """Twice as much, half a second where this was written; numpy and scipy would make it four times."""
     libraries = seconds("-c", "import cyclopts, rich.console, rich.markdown")
-    assert seconds("-m", "blendcap", "--help") < 2 * libraries
+    assert seconds("-m", "blendcap", "--help") < 3 * libraries
 
 
 @pytest.mark.parametrize("name", blendcap.__all__)
