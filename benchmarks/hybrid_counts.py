@@ -80,17 +80,18 @@ def near(flags: np.ndarray, frames: int) -> np.ndarray:
 
 
 def gaps(rig: Rig, answer: Animation) -> np.ndarray:
-    """(T, 2) how far each eye's lids are apart: 1 at rest, 0 at the rig's own blink (some rigs' lids never meet)."""
+    """(T, 2) how far each eye's lids are apart: 1 at rest, 0 at the rig's own blink (some rigs' lids never meet).
+
+    Along the way that the blink goes, so that lids which pass each other are below 0, not open again.
+    """
     found = []
     for side in ("Left", "Right"):
         upper, lower = rig.contacts[f"lids_{side.lower()}"].T
         apart = rig.deltas[:, upper].astype(float) - rig.deltas[:, lower]
-        rest = rig.mesh.vertices[upper] - rig.mesh.vertices[lower]
         blink = np.zeros(len(rig.names))
         blink[[rig.index(name) for name in match([f"eyeBlink{side}"], rig.names)[f"eyeBlink{side}"]]] = 1
-        weights = np.vstack([answer.weights, blink, 0 * blink])
-        gap = np.linalg.norm(rest + np.tensordot(weights, apart, axes=1), axis=2).mean(1)
-        found.append((gap[:-2] - gap[-2]) / (gap[-1] - gap[-2]))
+        closing = np.tensordot(blink, apart, axes=1).mean(0)
+        found.append(1 - answer.weights @ (apart.mean(1) @ closing) / (closing @ closing))
     return np.stack(found, axis=1)
 
 

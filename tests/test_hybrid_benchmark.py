@@ -5,6 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+import blendcap
+
 
 @pytest.fixture
 def counts(benchmark_module):
@@ -137,3 +139,15 @@ def test_lids_of_made_up_people_meet_and_lie_on_their_eyeballs(benchmark_module,
             sunk.append([(np.linalg.norm(v[[*upper, *lower]] - center, axis=1) / radius).min() for v in at])
         assert gap[1] < 1.1 * gap[0] < 0.8  # with the modes as they are it is 2.1 mm
         np.testing.assert_array_less(np.array(sunk[0]) - 0.03, sunk[1])  # of the radius; as they are it is 0.05
+
+
+def test_lids_that_pass_each_other_are_not_open_again(counts):
+    rig = blendcap.mannequin(3, shapes=52)
+    blink = [rig.index(name) for name in ("eyeBlinkLeft", "eyeBlinkRight")]
+    amounts = np.array([0.0, 0.5, 1.0, 1.5])
+    weights = np.zeros((len(amounts), len(rig.names)))
+    weights[:, blink] = amounts[:, None]
+    gap = counts.gaps(rig, blendcap.Animation(weights, rig.names, 24.0))
+    np.testing.assert_allclose(gap, np.column_stack([1 - amounts] * 2), atol=1e-6)
+    weights[1:, blink[0]] = 0
+    np.testing.assert_allclose(counts.gaps(rig, blendcap.Animation(weights, rig.names, 24.0))[:, 0], 1, atol=0.05)
