@@ -158,15 +158,19 @@ def test_how_the_take_lies_beside_the_rig_changes_nothing(bare):
     np.testing.assert_allclose(ours.track_rms, theirs.track_rms, atol=1e-6)
 
 
-def test_curves_are_put_on_the_scale_of_the_markers_and_of_no_track(bare):
-    """No marker sees the lids, so their curve counts at its word, though tracks half believed say twice as much."""
+def test_curves_are_put_on_the_scale_of_what_sees_their_shapes(bare):
+    """No marker sees the lids: alone, a curve that tells half of them counts at its word; tracks mend its gain."""
     true = bare.truth.animation.select(LIDS)
     half, tracks = replace(true, weights=0.5 * true.weights), seen_from(bare, [0, 0, 250])
     weak = replace(tracks, axes=0.3 * tracks.axes)
-    answer = blendcap.solve(bare.rig, bare.take, bare.binding, tracks=weak, patches=half, settings=KEEP)
-    lids = answer.animation.select(LIDS).weights
-    assert 0.4 < (lids * true.weights).sum() / (true.weights**2).sum() < 0.65
-    assert np.abs(lids - half.weights).max() < 0.2
+
+    def gain(tracks: PaintTracks | None) -> float:
+        answer = blendcap.solve(bare.rig, bare.take, bare.binding, tracks=tracks, patches=half, settings=KEEP)
+        lids = answer.animation.select(LIDS).weights
+        return float((lids * true.weights).sum() / (true.weights**2).sum())
+
+    assert 0.4 < gain(None) < 0.6
+    assert 0.75 < gain(weak) < 1.05  # a gain of two is held to be unlikely
 
 
 def test_axes_say_by_how_much_a_track_counts(bare):

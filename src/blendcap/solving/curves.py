@@ -62,12 +62,12 @@ class Curves:
     def calibrated(
         self, weights: np.ndarray, variance: np.ndarray, seen: np.ndarray, least: float
     ) -> tuple[Curves, np.ndarray]:
-        """The curves put on the scale of the markers, and the standard deviation (N,) of what each then still errs.
+        """The curves put on the scale of an answer without them, and what each still errs (N,), standard deviation.
 
         A face moves by more or less than the one that the curves were learned on, and a unit that comes with another
-        is told a little of it. Where markers see a shape, a line `offset + gain * curve` through their answers mends
-        both, and what is left beside it is the curve's error. That error lasts: it counts for as many frames as it
-        stays alike.
+        is told a little of it. Where markers or tracks see a shape, a line `offset + gain * curve` through their
+        answers mends both, and what is left beside it is the curve's error. That error lasts: it counts for as many
+        frames as it stays alike.
 
         Parameters
         ----------
@@ -76,7 +76,7 @@ class Curves:
         variance : (N,)
             What that solve leaves open; so much disagreement is not the curve's fault.
         seen : (N,) bool
-            Shapes that markers see well enough to judge a curve. The others' curves stay as they are.
+            Shapes that markers and tracks see well enough to judge a curve. The others' curves stay as they are.
         least : float
             What a curve errs at least.
         """

@@ -63,8 +63,8 @@ def solve_learned(
     that went astray count less (`trust`), samples of tracks that did are left out (`without_strays`), and a quick
     shape is free while it moves and held back while it is calm (`lid_events`). Curves add
     `sum_i s² / e_i² c_ti (a_ti - ã_ti)²` (Eq. 4, Eq. 38) with
-    their confidence c; a solve of the markers alone before puts the curves of shapes that markers see on their scale
-    and tells how far each still errs, e_i. A curve of a shape that no marker sees counts in full.
+    their confidence c; a solve before, without them, puts the curves of shapes that markers or tracks see on their
+    scale and tells how far each still errs, e_i. A curve of a shape that neither sees counts in full.
 
     Parameters
     ----------
@@ -93,9 +93,8 @@ def solve_learned(
     belief = _Belief.first(start, max(noise, START_NOISE), len(rows.rows))
     told_error = np.full(rows.shapes, curve_error)
     if curves is not None:
-        progress("the markers alone")
-        alone = _Belief.first(start, belief.noise, len(rows.markers.rows))
-        curves, told_error = _calibrated(rows.markers, alone, rate, smoothness, curves, curve_error)
+        progress("without the curves")
+        curves, told_error = _calibrated(rows, belief, rate, smoothness, curves, curve_error)
     progress(f"pass 1 of {passes}")
     terms = _terms(rows, belief, rate, smoothness, curves, told_error)
     unknowns, certificate = terms.solved()
