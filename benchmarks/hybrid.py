@@ -1,9 +1,11 @@
 """Makeup patches: how well action units are told, and what they add to the marker solve.
 
     python benchmarks/hybrid.py [--cache FOLDER] [--faces mannequin ICT] [--parts solve layouts units flaws] [--brief]
+        [--draws 3] [--jobs 2]
 
 Films take most of the time; what was cut from them is kept in the cache folder, and of those that are solved all
-frames, 0.5 GB each. `--brief` leaves out of `solve` the papers' method and machine, and the extremes.
+frames, 0.5 GB each. `--brief` leaves out of `solve` the papers' method and machine, and the extremes. `--draws` films
+each performer with so many draws of paint and markers, and `--jobs` solves so many films at a time.
 """
 
 from __future__ import annotations
@@ -42,10 +44,12 @@ def main() -> None:
     parser.add_argument("--faces", nargs="+", default=list(PEOPLE), choices=list(PEOPLE))
     parser.add_argument("--parts", nargs="+", default=list(PARTS), choices=PARTS)
     parser.add_argument("--brief", action="store_true")
+    parser.add_argument("--draws", type=int, default=1)
+    parser.add_argument("--jobs", type=int, default=1)
     chosen = parser.parse_args()
     logging.getLogger("blendcap").setLevel(logging.ERROR)
     words = ["python benchmarks/hybrid.py --faces", *chosen.faces, "--parts", *chosen.parts]
-    command = " ".join(words + ["--brief"] * chosen.brief)
+    command = " ".join(words + ["--brief"] * chosen.brief + [f"--draws {chosen.draws}"] * (chosen.draws > 1))
     with tempfile.TemporaryDirectory() as temporary:
         folder = chosen.cache or Path(temporary)
         folder.mkdir(parents=True, exist_ok=True)
@@ -53,21 +57,24 @@ def main() -> None:
         methods = ("intensity", "svm") if both else ("intensity",)
         trained = {kind: _trained(kind, folder, methods) for kind in chosen.faces}
         for part in chosen.parts:  # each is written as soon as it is done
-            write_section(*_measured(part, trained, folder, chosen.brief, command))
+            write_section(*_measured(part, trained, folder, chosen, command))
 
 
-def _measured(part: str, trained: dict[str, dict], folder: Path, brief: bool, command: str) -> tuple[str, str, str]:
+def _measured(
+    part: str, trained: dict[str, dict], folder: Path, chosen: argparse.Namespace, command: str
+) -> tuple[str, str, str]:
     """Title, command and text of a section."""
-    rows, gains = [], []
+    rows, gains, brief = [], [], part == "solve" and chosen.brief
     for kind, machines in trained.items():
         if part in SOLVES:
-            hybrid(kind, machines, folder, rows, gains, BRIEF if part == "solve" and brief else SOLVES[part][1])
+            runs = BRIEF if brief else SOLVES[part][1]
+            hybrid(kind, machines, folder, rows, gains, runs, chosen.draws, chosen.jobs)
         elif part == "units":
             recognition(kind, machines, folder, rows)
         else:
             failures(kind, machines, folder, rows)
     if part in SOLVES:
-        title = SOLVES[part][0] + ", in brief" * (part == "solve" and brief)
+        title = SOLVES[part][0] + ", in brief" * brief
         return title, command, SOLVE_TEXT + "\n".join(rows) + GAINS_TEXT + "\n".join(gains)
     title, text = {"units": ("Action units from makeup patches", UNITS_TEXT),
                    "flaws": ("The hybrid solve when things go wrong", FLAW_TEXT)}[part]  # fmt: skip

@@ -260,14 +260,16 @@ def _intensities(shown: Exercise, lead: int) -> np.ndarray:
 
 
 def played(
-    kind: str, person: int, cache_folder: Path, spoil: Spoil | None = None, flaw: str = "", bump: float = 0.0
-) -> Filmed:
-    """A real performance played by a person, filmed."""
+    kind: str, person: int, cache_folder: Path, spoil: Spoil | None = None, flaw: str = "", bump: float = 0.0,
+    draw: int = 0,
+) -> Filmed:  # fmt: skip
+    """A real performance played by a person, filmed; each draw has its own paint, markers, noise and helmet."""
     rig = face(kind, person)
     recording, first, last = PLAYED[kind]
     acted = performance(recording, rig, first, last) if kind == "ICT" else _on_mannequin(recording, rig, first, last)
     name = f"{kind}-{person}-played"
-    return film(kind, person, acted, 500 + person, cache_folder, name, flaw=flaw, spoil=spoil, bump=bump, keep=True)
+    seed = 500 + person + 1000 * draw
+    return film(kind, person, acted, seed, cache_folder, name, flaw=flaw, spoil=spoil, bump=bump, keep=True)
 
 
 def _on_mannequin(recording: str, rig: Rig, first: int, last: int) -> Animation:
