@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from functools import partial
@@ -140,7 +140,7 @@ def hybrid(
     takes = (("performance", chosen, draws), ("extremes", BRIEF, 1))
     for title, runs, count in takes if chosen is RUNS else takes[:1]:
         films = [(person, draw) for person in PEOPLE[kind] for draw in range(count)]
-        errors: dict[tuple, list] = defaultdict(list)
+        errors: dict[tuple, dict] = defaultdict(dict)
         with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
             for judged in pool.map(
                 partial(_each_judged, kind, trained, folder, title, runs), *zip(*films, strict=True)
@@ -184,14 +184,15 @@ def _answered(
     return truth, *solved(filmed, take, binding, curves, way, method, kept if take is filmed.take else {})
 
 
-def _gains(kind: str, title: str, errors: dict[tuple, list]) -> list[str]:
-    """Rows of what one way changes against another, of those that were run."""
+def _gains(kind: str, title: str, errors: Mapping[tuple, Mapping[tuple, list[float]]]) -> list[str]:
+    """Rows of what one way changes against another, of those that were run: {run: {film: errors by region}}."""
     rows = []
     for label, ours, theirs in PAIRS:
         if ours in errors:
-            change = np.divide(errors[ours], errors[theirs]) - 1
+            both = [film for film in errors[ours] if film in errors[theirs]]
+            change = np.array([np.divide(errors[ours][film], errors[theirs][film]) - 1 for film in both])
             cells = [f"{c.mean():+.0%} ({c.min():+.0%} to {c.max():+.0%})" for c in change.T]
-            rows.append(f"| {kind} | {title} | {label} | {len(change)} | {' | '.join(cells)} |")
+            rows.append(f"| {kind} | {title} | {label} | {len(both)} | {' | '.join(cells)} |")
             print(rows[-1], flush=True)
     return rows
 

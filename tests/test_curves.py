@@ -105,7 +105,7 @@ def test_a_curve_is_put_on_the_scale_of_the_markers_that_see_its_shape():
     said = Curves(0.4 * truth + 0.05 + lasting * 0.4, np.ones((frames, 3)))
     markers = truth + rng.normal(scale=0.05, size=truth.shape)
     seen = np.array([True, True, False])
-    mended, errors = said.calibrated(markers, np.full(3, 0.05**2), seen, least=0.01)
+    mended, errors = said.calibrated(markers, np.full(3, 0.05**2), seen, ~seen, least=0.01)
     np.testing.assert_array_equal(mended.targets[:, 2], said.targets[:, 2])
     assert errors[2] == 0.01
     for n in (0, 1):
@@ -119,13 +119,31 @@ def test_a_curve_that_hardly_moves_keeps_its_gain_and_a_silent_one_all():
     still = np.full((100, 1), 0.3) + 1e-4 * np.sin(np.arange(100.0))[:, None]
     markers = np.random.default_rng(1).normal(0.32, 0.05, (100, 1))
     known = Curves(still, np.ones((100, 1)))
-    mended, _ = known.calibrated(markers, np.array([0.05**2]), np.array([True]), least=0.1)
+    mended, _ = known.calibrated(markers, np.array([0.05**2]), np.array([True]), np.array([False]), least=0.1)
     gain = np.polyfit(still[:, 0], mended.targets[:, 0], 1)[0]
     assert gain == pytest.approx(1, abs=0.3) and mended.targets.mean() == pytest.approx(0.32, abs=0.02)
     silent = Curves(still, np.zeros((100, 1)))
-    same, errors = silent.calibrated(markers, np.array([0.05**2]), np.array([True]), least=0.1)
+    same, errors = silent.calibrated(markers, np.array([0.05**2]), np.array([True]), np.array([False]), least=0.1)
     np.testing.assert_array_equal(same.targets, still)
     assert errors[0] == 0.1
+
+
+def test_the_curve_of_a_lid_keeps_its_word_where_the_lid_hides_the_paint():
+    """It tells too much of a lid half shut, and the answer too little of one that is shut."""
+    truth = 0.5 - 0.5 * np.cos(np.arange(600.0) / 11)[:, None]
+    said = Curves(truth + 0.8 * truth * (1 - truth), np.ones_like(truth))
+    answer = np.where(truth > 0.75, 0.4, truth)
+    seen = np.array([True])
+    mended, errors = said.calibrated(answer, np.array([1e-4]), seen, seen, least=0.1)
+    shut, half = truth > 0.9, (truth > 0.2) & (truth < 0.6)
+    assert errors[0] == 0.1 and mended.confidence[shut].min() > 0.9
+    assert np.abs(mended.targets - truth)[shut].max() < 0.06
+    assert 3 * np.abs(mended.targets - truth)[half].mean() < np.abs(said.targets - truth)[half].mean()
+    line, _ = said.calibrated(answer, np.array([1e-4]), seen, ~seen, least=0.1)
+    assert np.abs(line.targets - truth)[shut].min() > 0.2
+    wild = said.calibrated(1 - answer, np.array([1e-4]), seen, seen, least=0.1)[0]
+    assert wild.confidence[half].max() < 0.4  # at odds where both should know
+    assert wild.confidence[shut].min() > 0.9
 
 
 @pytest.fixture(scope="module")

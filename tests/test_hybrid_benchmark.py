@@ -151,3 +151,18 @@ def test_lids_that_pass_each_other_are_not_open_again(counts):
     np.testing.assert_allclose(gap, np.column_stack([1 - amounts] * 2), atol=1e-6)
     weights[1:, blink[0]] = 0
     np.testing.assert_allclose(counts.gaps(rig, blendcap.Animation(weights, rig.names, 24.0))[:, 0], 1, atol=0.05)
+
+
+def test_gains_are_taken_of_films_that_both_ways_solved(benchmark_module):
+    solves = benchmark_module("hybrid_solves")
+    alone, curves, best = (("50", "learned", "markers only"), ("50", "learned", "curves"), solves.UNSOLVED[1])
+    errors = {
+        alone: {(1, 0): [1.0, 2.0], (1, 1): [4.0, 2.0], (2, 0): [1.0, 1.0]},
+        curves: {(1, 0): [0.5, 2.0], (1, 1): [1.0, 2.0], (2, 0): [1.0, 0.5]},
+        best: {(1, 0): [0.1, 0.2], (2, 0): [0.3, 0.1]},
+    }
+    rows = solves._gains("mannequin", "performance", errors)
+    assert [row.split(" | ")[2:] for row in rows] == [
+        ["curves (the papers' idea)", "3", "-42% (-75% to +0%)", "-17% (-50% to +0%) |"],
+        ["best weights, unsolved", "2", "-80% (-90% to -70%)", "-90% (-90% to -90%) |"],
+    ]

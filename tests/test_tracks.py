@@ -173,6 +173,18 @@ def test_curves_are_put_on_the_scale_of_what_sees_their_shapes(bare):
     assert 0.75 < gain(weak) < 1.05  # a gain of two is held to be unlikely
 
 
+def test_a_curve_is_believed_where_shut_lids_hide_the_tracks(bare):
+    true = bare.truth.animation.select(LIDS)
+    shut = (true.weights > 0.5).any(1)
+    tracks = seen_from(bare, [0, 0, 250])
+    hidden = replace(tracks, positions=np.where(shut[:, None, None], np.nan, tracks.positions))
+    answer = blendcap.solve(bare.rig, bare.take, bare.binding, tracks=hidden, patches=true, settings=KEEP)
+    told = answer.animation.select(LIDS).weights
+    assert np.abs(told - true.weights)[shut].mean() < 0.06
+    alone = solved(bare, hidden).animation.select(LIDS).weights
+    assert np.abs(alone - true.weights)[shut].mean() > 0.3
+
+
 def test_axes_say_by_how_much_a_track_counts(bare):
     """Longer axes are believed more; one that tells nothing changes nothing."""
     tracks = seen_from(bare, [0, 0, 250])

@@ -15,6 +15,7 @@ from blendcap.data.names import match
 
 CURVE_ERROR = 0.1  # standard deviation of a curve that is fully trusted: 4 mm² (the papers' maximum) at 0.2 mm of noise
 LINE_SPREAD = np.array([0.1, 0.5])  # standard deviation of a curve's offset and gain, before the markers are heard
+BEND_SPREAD = np.array([1.0])  # likewise of its bend between rest and full
 LINE_ROUNDS = 3
 MOST_MEMORY = 10.0  # frames
 TINY = 1e-12
@@ -60,7 +61,7 @@ class Curves:
         return (strength * self.confidence * (weights - self.targets) ** 2).sum(1)
 
     def calibrated(
-        self, weights: np.ndarray, variance: np.ndarray, seen: np.ndarray, least: float
+        self, weights: np.ndarray, variance: np.ndarray, seen: np.ndarray, hiding: np.ndarray, least: float
     ) -> tuple[Curves, np.ndarray]:
         """The curves put on the scale of an answer without them, and what each still errs (N,), standard deviation.
 
@@ -68,6 +69,10 @@ class Curves:
         is told a little of it. Where markers or tracks see a shape, a line `offset + gain * curve` through their
         answers mends both, and what is left beside it is the curve's error. That error lasts: it counts for as many
         frames as it stays alike.
+
+        A lid that shuts hides the paint that would tell it, and the answer falls short. There a curve keeps its word at
+        rest and at full; `curve + bend * curve * (1 - curve)` puts what lies between on the answer's scale, and both
+        how much a frame tells and how far the curve errs fall to nothing as the lid comes down.
 
         Parameters
         ----------
@@ -77,17 +82,25 @@ class Curves:
             What that solve leaves open; so much disagreement is not the curve's fault.
         seen : (N,) bool
             Shapes that markers and tracks see well enough to judge a curve. The others' curves stay as they are.
+        hiding : (N,) bool
+            Of these, shapes that hide what tells them.
         least : float
             What a curve errs at least.
         """
-        targets, errors = self.targets.copy(), np.full(len(variance), least)
+        targets, confidence, errors = self.targets.copy(), self.confidence.copy(), np.full(len(variance), least)
         for n in np.flatnonzero(seen & (self.confidence.sum(0) > 0)):
-            trust = self.confidence[:, n] / self.confidence[:, n].sum()
-            told, apart, memory = _line(self.targets[:, n], weights[:, n], trust)
+            curve, trust, answer = self.targets[:, n], self.confidence[:, n], weights[:, n]
+            if hiding[n]:
+                open_ = trust * (1 - curve) ** 2
+                told, _ = _mended(curve, (curve * (1 - curve))[:, None], BEND_SPREAD, answer, open_)
+                excess = max(_mean((answer - told) ** 2, open_) - variance[n] - least**2, 0)
+                confidence[:, n] *= least**2 / (least**2 + (1 - curve) ** 2 * excess)
+            else:
+                told, memory = _mended(curve, np.column_stack([np.ones_like(curve), curve]), LINE_SPREAD, answer, trust)
+                missed = max(_mean((answer - told) ** 2, trust) - variance[n], least**2)
+                errors[n] = np.sqrt(memory * missed * trust.mean())
             targets[:, n] = np.clip(told, 0, 1)
-            spread = max((trust * apart**2).sum() - variance[n], least**2)
-            errors[n] = np.sqrt(memory * spread * self.confidence[:, n].mean())
-        return Curves(targets, self.confidence), errors
+        return Curves(targets, confidence), errors
 
     def conflict(self, weights: np.ndarray) -> np.ndarray:
         """(T, N) how far the answer is from what the curve says, weight units, by its confidence."""
@@ -162,21 +175,25 @@ def _places(names: Sequence[str], curves: Animation, trust: np.ndarray, rig: str
     return places
 
 
-def _line(curve: np.ndarray, answer: np.ndarray, trust: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-    """The line from a curve (T,) to an answer (T,): its values, what is left, and over how many frames that is alike.
+def _mended(
+    curve: np.ndarray, design: np.ndarray, spread: np.ndarray, answer: np.ndarray, trust: np.ndarray
+) -> tuple[np.ndarray, float]:
+    """A curve (T,) and what it takes of a design (T, K) to meet an answer (T,); and over how many frames it errs alike.
 
-    Gain and offset are believed to be near 1 and 0: a curve that hardly moves teaches neither.
+    What it takes is believed to be near 0, within `spread` (K,): a curve that hardly moves teaches nothing.
     """
-    design = np.column_stack([np.ones_like(curve), curve])
-    apart, memory = answer - curve, 1.0
-    told = curve
+    told, memory = curve, 1.0
     for _ in range(LINE_ROUNDS):
-        memory = _memory(apart)
-        scale = len(curve) / memory / max((trust * apart**2).sum(), 1e-6)
-        gram = scale * (design.T * trust) @ design + np.diag(1 / LINE_SPREAD**2)
-        told = curve + design @ np.linalg.solve(gram, scale * (design.T * trust) @ (answer - curve))
-        apart = answer - told
-    return told, apart, memory
+        memory = _memory(answer - told)
+        spread_left = max(_mean((answer - told) ** 2, trust), 1e-6)
+        weighed = design.T * trust * len(curve) / (memory * spread_left * max(trust.sum(), TINY))
+        told = curve + design @ np.linalg.solve(weighed @ design + np.diag(1 / spread**2), weighed @ (answer - curve))
+    return told, memory
+
+
+def _mean(values: np.ndarray, trust: np.ndarray) -> float:
+    """Of values (T,), by how far they are trusted (T,)."""
+    return float((trust * values).sum() / max(trust.sum(), TINY))
 
 
 def _memory(errors: np.ndarray) -> float:

@@ -64,7 +64,8 @@ def solve_learned(
     shape is free while it moves and held back while it is calm (`lid_events`). Curves add
     `sum_i s² / e_i² c_ti (a_ti - ã_ti)²` (Eq. 4, Eq. 38) with
     their confidence c; a solve before, without them, puts the curves of shapes that markers or tracks see on their
-    scale and tells how far each still errs, e_i. A curve of a shape that neither sees counts in full.
+    scale and tells how far each still errs, e_i. A curve of a shape that neither sees counts in full, and so does that
+    of a quick shape, while it is on, that only tracks see: a lid hides its paint.
 
     Parameters
     ----------
@@ -94,7 +95,7 @@ def solve_learned(
     told_error = np.full(rows.shapes, curve_error)
     if curves is not None:
         progress("without the curves")
-        curves, told_error = _calibrated(rows, belief, rate, smoothness, curves, curve_error)
+        curves, told_error = _calibrated(rows, belief, rate, smoothness, curves, curve_error, kinship.quick)
     progress(f"pass 1 of {passes}")
     terms = _terms(rows, belief, rate, smoothness, curves, told_error)
     unknowns, certificate = terms.solved()
@@ -268,14 +269,18 @@ def _coupling(rows: MarkerRows, prior: TakePrior, noise: float, rate: float, fac
 
 
 def _calibrated(
-    rows: MarkerRows, belief: _Belief, rate: float, smoothness: float, curves: Curves, least: float
+    rows: MarkerRows, belief: _Belief, rate: float, smoothness: float, curves: Curves, least: float, quick: np.ndarray
 ) -> tuple[Curves, np.ndarray]:
-    """The curves on the markers' scale and their errors (N,), told by a solve that does not know them."""
+    """The curves on the markers' and tracks' scale and their errors (N,), told by a solve that does not know them.
+
+    Markers stay in sight when a lid shuts, tracks of its paint do not.
+    """
     terms = _terms(rows, belief, rate, smoothness, None, np.full(rows.shapes, least))
     alone, _ = terms.solved()
     noise = belief.noise
     variance = posterior(rows.mean_gram, terms.precision, belief.prior.steps, noise**2)[0].diagonal()[: rows.shapes]
-    return curves.calibrated(alone[:, : rows.shapes], variance, weight_errors(rows, noise) < TELLING, least)
+    by_markers, by_all = (weight_errors(part, noise) < TELLING for part in (rows.markers, rows))
+    return curves.calibrated(alone[:, : rows.shapes], variance, by_all, quick & ~by_markers, least)
 
 
 def _precision(prior: TakePrior, noise: float, size: int) -> np.ndarray:
