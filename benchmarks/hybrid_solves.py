@@ -142,11 +142,10 @@ def hybrid(
         films = [(person, draw) for person in PEOPLE[kind] for draw in range(count)]
         errors: dict[tuple, dict] = defaultdict(dict)
         with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-            for judged in pool.map(
-                partial(_each_judged, kind, trained, folder, title, runs), *zip(*films, strict=True)
-            ):
+            each = partial(_each_judged, kind, trained, folder, title, runs)
+            for film, judged in zip(films, pool.map(each, *zip(*films, strict=True)), strict=True):
                 for run, numbers, row in judged:
-                    errors[run].append(numbers)
+                    errors[run][film] = numbers
                     rows.append(row)
         gains += _gains(kind, title, errors)
 
