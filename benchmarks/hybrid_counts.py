@@ -82,16 +82,18 @@ def near(flags: np.ndarray, frames: int) -> np.ndarray:
 def gaps(rig: Rig, answer: Animation) -> np.ndarray:
     """(T, 2) how far each eye's lids are apart: 1 at rest, 0 at the rig's own blink (some rigs' lids never meet).
 
-    Along the way that the blink goes, so that lids which pass each other are below 0, not open again.
+    Along the way that the blink goes, pair by pair: lids that pass each other have met and are not open again, and
+    where they pass hides no place where they are open. A pair counts as far as the blink moves it.
     """
     found = []
     for side in ("Left", "Right"):
         upper, lower = rig.contacts[f"lids_{side.lower()}"].T
         apart = rig.deltas[:, upper].astype(float) - rig.deltas[:, lower]
-        blink = np.zeros(len(rig.names))
-        blink[[rig.index(name) for name in match([f"eyeBlink{side}"], rig.names)[f"eyeBlink{side}"]]] = 1
-        closing = np.tensordot(blink, apart, axes=1).mean(0)
-        found.append(1 - answer.weights @ (apart.mean(1) @ closing) / (closing @ closing))
+        blink = [rig.index(name) for name in match([f"eyeBlink{side}"], rig.names)[f"eyeBlink{side}"]]
+        closing = apart[blink].sum(0)
+        way = np.linalg.norm(closing, axis=1)
+        along = np.einsum("npc,pc->np", apart, closing / np.maximum(way, 1e-9)[:, None])
+        found.append(np.maximum(way - answer.weights @ along, 0).sum(1) / way.sum())
     return np.stack(found, axis=1)
 
 

@@ -93,13 +93,14 @@ no weights explain (`refine_from_take`), and the answer is of the refined rig. T
 Vertex RMSE in mm by region.
 "closed": precision and recall of frames in which a lid's gap is below 35 % of the way from the rig's own blink to rest,
 counted where the true gap is plainly below (25 %) or above (45 %), and in brackets everywhere; the gap is measured
-along the blink's way, so that lids which pass each other are shut. "blinks": the same by closings, from the first such
-frame to the last, each eye its own, and how many there are; one that is told stands for one, two frames early or late
-at most. "true curves": the performer's own weights in place of the curves, of the shapes that the curves tell: no
-classifier can tell these weights better; no tracks. "true curves of all shapes": of every shape, of which no classifier
-knows more than a part. "true weights, unsolved": the performer's weights on the solver's shapes: what is left is the
-performer's own way. None of the three is a floor of the error: a performer whose shapes differ from the solver's is met
-better by other weights than the true ones. The floor is "best weights, unsolved", fitted to the true skin.
+along the blink's way, pair by pair, and lids that pass each other have met. "blinks": the same by closings, from the
+first such frame to the last, each eye its own, and how many there are; one that is told stands for one, two frames
+early or late at most. "true curves": the performer's own weights in place of the curves, of the shapes that the curves
+tell: no classifier can tell these weights better; no tracks. "true curves of all shapes": of every shape, of which no
+classifier knows more than a part. "true weights, unsolved": the performer's weights on the solver's shapes: what is
+left is the performer's own way. None of the three is a floor of the error: a performer whose shapes differ from the
+solver's is met better by other weights than the true ones. The floor is "best weights, unsolved", fitted to the true
+skin.
 "roughness": mean squared second difference of the answer to that of the truth, of all shapes but those of the eyes,
 which lie still where nothing sees them, and of all.
 

@@ -1,5 +1,6 @@
 """The counting of the hybrid benchmark: what is told early or late, and what is not."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -141,16 +142,33 @@ def test_lids_of_made_up_people_meet_and_lie_on_their_eyeballs(benchmark_module,
         np.testing.assert_array_less(np.array(sunk[0]) - 0.03, sunk[1])  # of the radius; as they are it is 0.05
 
 
+def lids_at(counts, rig, **weights):
+    """The gap of the left lids under weights."""
+    amounts = [[weights.get(name, 0.0) for name in rig.names]]
+    return counts.gaps(rig, blendcap.Animation(np.array(amounts), rig.names, 24.0))[0, 0]
+
+
 def test_lids_that_pass_each_other_are_not_open_again(counts):
     rig = blendcap.mannequin(3, shapes=52)
-    blink = [rig.index(name) for name in ("eyeBlinkLeft", "eyeBlinkRight")]
-    amounts = np.array([0.0, 0.5, 1.0, 1.5])
-    weights = np.zeros((len(amounts), len(rig.names)))
-    weights[:, blink] = amounts[:, None]
-    gap = counts.gaps(rig, blendcap.Animation(weights, rig.names, 24.0))
-    np.testing.assert_allclose(gap, np.column_stack([1 - amounts] * 2), atol=1e-6)
-    weights[1:, blink[0]] = 0
-    np.testing.assert_allclose(counts.gaps(rig, blendcap.Animation(weights, rig.names, 24.0))[:, 0], 1, atol=0.05)
+    for amount in (0.0, 0.5, 1.0, 1.5):
+        assert lids_at(counts, rig, eyeBlinkLeft=amount) == pytest.approx(max(1 - amount, 0), abs=1e-6)
+    assert lids_at(counts, rig, eyeBlinkRight=1.0) == pytest.approx(1, abs=0.01)
+
+
+def test_where_lids_pass_each_other_hides_no_place_where_they_are_open(counts):
+    rig = blendcap.mannequin(3, shapes=52)
+    upper, lower = rig.contacts["lids_left"].T
+    deltas, blink = rig.deltas.copy(), rig.deltas[rig.index("eyeBlinkLeft")]
+    half = np.concatenate([upper[::2], lower[::2]])
+    across = blink[upper] - blink[lower]
+    deltas[rig.index("browDownLeft")] = deltas[rig.index("browDownRight")] = 0
+    deltas[rig.index("browDownLeft"), half] = 1.9 * blink[half]
+    deltas[rig.index("browDownRight"), upper] = 3 * np.cross(across, [1.0, 0, 0])
+    rig = replace(rig, deltas=deltas)
+    way = np.linalg.norm(across, axis=1)
+    open_part = 1 - way[np.isin(upper, half)].sum() / way.sum()
+    assert lids_at(counts, rig, browDownLeft=1.0) == pytest.approx(open_part, abs=0.02)
+    assert lids_at(counts, rig, browDownRight=1.0) == pytest.approx(1, abs=1e-6)  # across the way
 
 
 def test_gains_are_taken_of_films_that_both_ways_solved(benchmark_module):
