@@ -48,7 +48,7 @@ FITS, NOTHING = None, ""  # what is said of a unit: nothing at all, or that no o
 TEMPLATE = Rig(SCAN, np.zeros((0, len(SCAN.vertices), 3)), ())
 
 
-def holds_unit(better, why, *scan):
+def assert_unit_is_held(better, why, *scan):
     """That a scan in its stated unit is refused for a better one, taken as it is, or taken with a word."""
     if better:
         with pytest.raises(InputError, match=rf"{why}, .* --unit {better}\."):
@@ -69,7 +69,7 @@ def test_a_stated_unit_is_held_against_the_face(stated, size, better):
     """With landmarks: `size` is how many times as large as the template's face it is in that unit."""
     points = SurfacePoints.at_vertices(("a", "b", "c", "d"), [0, 200, 400, 600], SCAN)
     pairs = points, size * points.positions(SCAN)
-    holds_unit(better, "its face is .* times as large as the template's", stated, SCAN, pairs)
+    assert_unit_is_held(better, "its face is .* times as large as the template's", stated, SCAN, pairs)
 
 
 @pytest.mark.parametrize(
@@ -82,7 +82,7 @@ def test_a_stated_unit_is_held_against_the_face(stated, size, better):
 def test_a_stated_unit_is_held_against_the_whole_scan(stated, size, better):
     """Without landmarks: `size` is the longest side in that unit, mm."""
     whole = SCAN.with_vertices(size / np.ptp(SCAN.vertices, axis=0).max() * SCAN.vertices)
-    holds_unit(better, "its head is .* mm long", stated, whole, None)
+    assert_unit_is_held(better, "its head is .* mm long", stated, whole, None)
 
 
 @pytest.mark.parametrize(("size", "changed"), [(0.85, False), (1.2, False), (0.75, True), (1.3, True)])

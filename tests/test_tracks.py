@@ -159,7 +159,7 @@ def test_how_the_take_lies_beside_the_rig_changes_nothing(bare):
 
 
 def test_curves_are_put_on_the_scale_of_what_sees_their_shapes(bare):
-    """No marker sees the lids: alone, a curve that tells half of them counts at its word; tracks mend its gain."""
+    """No marker sees the lids: alone, a curve that tells half of them counts at its word; beside tracks not."""
     true = bare.truth.animation.select(LIDS)
     half, tracks = replace(true, weights=0.5 * true.weights), seen_from(bare, [0, 0, 250])
     weak = replace(tracks, axes=0.3 * tracks.axes)
@@ -170,7 +170,7 @@ def test_curves_are_put_on_the_scale_of_what_sees_their_shapes(bare):
         return float((lids * true.weights).sum() / (true.weights**2).sum())
 
     assert 0.4 < gain(None) < 0.6
-    assert 0.75 < gain(weak) < 1.05  # a gain of two is held to be unlikely
+    assert 0.75 < gain(weak) < 1.05
 
 
 def test_a_curve_is_believed_where_shut_lids_hide_the_tracks(bare):

@@ -185,8 +185,8 @@ def _mended(
     told, memory = curve, 1.0
     for _ in range(LINE_ROUNDS):
         memory = _memory(answer - told)
-        spread_left = max(_mean((answer - told) ** 2, trust), 1e-6)
-        weighed = design.T * trust * len(curve) / (memory * spread_left * max(trust.sum(), TINY))
+        missed = max(_mean((answer - told) ** 2, trust), 1e-6)
+        weighed = design.T * trust * len(curve) / (memory * missed * max(trust.sum(), TINY))
         told = curve + design @ np.linalg.solve(weighed @ design + np.diag(1 / spread**2), weighed @ (answer - curve))
     return told, memory
 

@@ -64,8 +64,8 @@ def solve_learned(
     shape is free while it moves and held back while it is calm (`lid_events`). Curves add
     `sum_i s² / e_i² c_ti (a_ti - ã_ti)²` (Eq. 4, Eq. 38) with
     their confidence c; a solve before, without them, puts the curves of shapes that markers or tracks see on their
-    scale and tells how far each still errs, e_i. A curve of a shape that neither sees counts in full, and so does that
-    of a quick shape, while it is on, that only tracks see: a lid hides its paint.
+    scale and tells how far each still errs, e_i. A curve of a shape that neither sees counts in full; so does that of a
+    quick shape which only tracks see, as far as it is on: a lid that shuts hides its paint.
 
     Parameters
     ----------
