@@ -15,12 +15,14 @@ import logging
 import tempfile
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from blendcap.makeup.classifier import PatchClassifier
 from blendcap.makeup.curves import _answers, _smoothed
+from blendcap.makeup.scales import scaled
 from blendcap.makeup.training import is_clear, recognized, train_classifier
 from blendcap.makeup.units import PAPER_REGIONS
 from blendcap.numerics.stretches import stretches
@@ -115,27 +117,43 @@ def recognition(kind: str, trained: dict[str, PatchClassifier], folder: Path, ro
         for method, classifier in trained.items():
             for aligned in (None, True, False) if method == "intensity" else (True, False):
                 start = time.process_time()
-                told, _, rate = _answers(classifier, [test.patches], aligned)
-                told = _smoothed(told, classifier, rate)
+                bare, _, rate = _answers(_unscaled(classifier), [test.patches], aligned)
+                scales = np.concatenate([model.scales for model in classifier.models])
+                told = scaled(bare, scales) if method == "intensity" else bare
+                told, bare = (np.minimum(_smoothed(part, classifier, rate), 1) for part in (told, bare))
                 speed = len(told) / (time.process_time() - start)
-                said = _as_classes(dict(zip(classifier.units, told.T, strict=True)))
+                said = _as_classes(*(dict(zip(classifier.units, part.T, strict=True)) for part in (told, bare)))
                 over, cells = {None: "by region", True: "yes", False: "no"}[aligned], _recognized(said, amounts)
                 rows.append(f"| {kind} | {name} | {method} | {over} | {cells} | {speed:.0f} |")
                 print(rows[-1], flush=True)
 
 
-def _as_classes(told: dict[str, np.ndarray]) -> np.ndarray:
-    """(T, U) intensities of the papers' classes `UNITS`, of a machine that tells these or single units."""
+def _unscaled(classifier: PatchClassifier) -> PatchClassifier:
+    """The machine without its gains and bends."""
+    return replace(classifier, models=[replace(m, scales=np.ones_like(m.scales)) for m in classifier.models])
+
+
+def _as_classes(told: dict[str, np.ndarray], bare: dict[str, np.ndarray]) -> np.ndarray:
+    """(T, U) intensities of the papers' classes `UNITS`, of a machine that tells these or single units.
+
+    The two kinds of closings differ in how much AU6 there is for AU45. That is read off what is told before the scales,
+    whose bends would make a weak squeeze another one than a strong one.
+    """
     if "AU1+2" in told:
         return np.stack([told[unit] for unit in UNITS], axis=1)
-    halves = {unit: np.mean([told[name] for name in told if name.rstrip("LR") == unit], axis=0)
-              for unit in {name.rstrip("LR") for name in told}}  # fmt: skip
-    tight = squeezed(halves["AU6"], halves["AU45"])
+    halves, plain = _without_sides(told), _without_sides(bare)
+    tight = squeezed(plain["AU6"], plain["AU45"])
     joint = {"AU1+2": (halves["AU1"] + halves["AU2"]) / 2}
     joint |= {"AU6+43": np.where(tight, halves["AU45"], 0), "AU45": np.where(tight, 0, halves["AU45"])}
     for side in "LR":  # the geometric mean: all of them or none
         joint[f"AU10+12+18+23{side}"] = np.cbrt(told[f"AU10{side}"] * told[f"AU12{side}"] * told["AU18"])
     return np.stack([(halves | joint)[unit] for unit in UNITS], axis=1)
+
+
+def _without_sides(told: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Means of both sides."""
+    whole = {name.rstrip("LR") for name in told}
+    return {unit: np.mean([told[name] for name in told if name.rstrip("LR") == unit], axis=0) for unit in whole}
 
 
 def squeezed(squint: np.ndarray, blink: np.ndarray) -> np.ndarray:

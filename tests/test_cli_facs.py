@@ -44,7 +44,7 @@ RATE, SIZE = 15.0, (480, 360)
 UNITS = ("1+2", "45")
 REST = RegionModel(
     Region("brows", (), ("AU4",)), np.zeros((1, 1), dtype=np.float32), np.zeros(1), np.zeros((0, 2), dtype=int),
-    np.zeros(2), np.ones((0, 2)), np.zeros(1),
+    np.zeros(2), np.ones((0, 2)), np.zeros(1), np.ones((1, 2)),
 )  # fmt: skip
 LIDS = ("eyeBlinkLeft", "eyeBlinkRight")
 

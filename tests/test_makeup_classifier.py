@@ -18,7 +18,7 @@ from blendcap.makeup.intensity import measure_intensity
 from blendcap.makeup.labels import soft
 from blendcap.makeup.lesson import Lesson
 from blendcap.makeup.packing import KIND, VERSION, pack, unpack
-from blendcap.makeup.patches import Patches
+from blendcap.makeup.patches import Patches, flows, laid_over
 from blendcap.makeup.training import train_classifier
 from blendcap.makeup.units import Region, halves, shows
 from toy_makeup import REGION, draw, perform
@@ -86,8 +86,24 @@ def test_another_person_is_recognized_once_laid_over_the_first(trained):
     plain = classify(trained, patches, table=TABLE, aligned=False)
     errors = [np.abs(told.weights - scaled).mean() for told in (curves, plain)]
     right = [((told.weights / [1, 0.5, 1]).argmax(1) == truth.argmax(1))[clear].mean() for told in (curves, plain)]
-    assert errors[0] < 0.03 and errors[0] < 0.5 * errors[1]
+    assert errors[0] < 0.04 and errors[0] < 0.5 * errors[1]
     assert right[0] > 0.99 and right[1] < 0.8
+
+
+@pytest.mark.parametrize("aligned", [True, False])
+def test_strokes_that_were_painted_anew_are_told_as_strongly(lesson, aligned):
+    region = REGION._replace(aligned=aligned)
+    machine = train_classifier(*lesson[:2], regions=[region])
+    bare = replace(machine, models=[replace(machine.models[0], scales=np.ones((3, 2)))])
+    patches, _, truth = perform(repetitions=2, seed=5)
+    copies = [warped(patches, region, 90 + k, 2.0) for k in range(3)]
+    laid = [laid_over(copy, flows(copy.neutral, machine.neutral)) if aligned else copy for copy in copies]
+    shown, errors = truth > 0.5, []
+    plain = bare(patches)[0][shown].mean()
+    for told_by in (machine, bare):
+        told = np.concatenate([told_by(*pair)[0] for pair in zip(copies, laid, strict=True)]).clip(0, 1)
+        errors.append(abs(1 - told[np.tile(shown, (3, 1))].mean() / plain))
+    assert errors[0] < 0.2 and errors[0] < 0.7 * errors[1]
 
 
 def test_curves_are_smooth_bounded_and_say_how_sure_they_are(trained):
@@ -109,7 +125,7 @@ def test_curves_are_smoothed_over_seconds_but_five_frames_at_least(trained, rate
     raw, _ = trained(patches)
     told = classify(trained, replace(patches, rate=rate), table=TABLE, aligned=False)
     frames = frames if trained.method == "intensity" else max(5, 2 * (round(WINDOWS["svm"] * rate) // 2) + 1)
-    smoothed = np.clip(savgol_filter(raw[:, 2], frames, 2), 0, 1)
+    smoothed = np.clip(savgol_filter(raw[:, 2].clip(0, 1), frames, 2), 0, 1)
     np.testing.assert_allclose(told.weights[:, 2], smoothed, atol=1e-6)
 
 
@@ -287,7 +303,7 @@ def test_of_long_lessons_copies_take_every_so_many_frames(lesson, monkeypatch):
     patches, shown, _ = lesson
     frames = len(patches.sure)
     monkeypatch.setattr(training, "COPY", frames // 3)
-    parts, rows = training._thinned([patches, patches])
+    parts, rows = training._thinned([patches, patches], frames // 3)
     assert [len(part.sure) for part in parts] == [-(-frames // 6)] * 2
     np.testing.assert_array_equal(rows[len(rows) // 2 :], frames + rows[: len(rows) // 2])
     np.testing.assert_array_equal(parts[0].images["forehead"][1], patches.images["forehead"][6])
@@ -406,5 +422,7 @@ def test_damaged_classifiers_are_refused(trained, tmp_path):
         read_model(path, KIND, VERSION)
     with pytest.raises(InputError, match="does not fit together"):
         unpack(meta, arrays | {"0:weights": arrays["0:weights"][:1]})
+    with pytest.raises(InputError, match="does not fit together"):
+        unpack(meta, arrays | {"0:scales": -arrays["0:scales"]})
     with pytest.raises(InputError, match="damaged"):
         unpack(meta, {key: value for key, value in arrays.items() if key != "0:offsets"})

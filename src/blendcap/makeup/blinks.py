@@ -1,4 +1,4 @@
-"""Blinks on the performer's own scale: another face shows the teacher's blink more weakly, but its lids do meet."""
+"""Blinks on the performer's own scale: another face shows the teacher's blink otherwise, but its lids do meet."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ import numpy as np
 from scipy.signal import find_peaks
 
 LIDS = ("AU43", "AU45")  # the units that shut an eye
-RISES = 0.3  # how far lids close, and open again, when they blink
-DEEP = 0.45  # lids that are told to close by less do not shut: no blink is more than doubled
+RISES = 0.4  # how far lids close, and open again, when they blink
+DEEP = 0.6  # lids that are told to close by less do not shut: no blink grows by much more than a half
 TOGETHER = 0.5  # of the stronger side, that the weaker does at least; else it is a wink
 FEWEST = 3  # blinks that tell a scale
-STRONG = 0.75  # the blink that is put at `SHUT` is as strong as this part of all
-SHUT = 0.9
+STRONG = 0.75  # the blink that is to shut the eyes is as strong as this part of all
+SHUT = 0.95
 
 
 def with_full_blinks(intensity: np.ndarray, units: Sequence[str]) -> np.ndarray:
@@ -25,21 +25,21 @@ def with_full_blinks(intensity: np.ndarray, units: Sequence[str]) -> np.ndarray:
     Parameters
     ----------
     intensity : (T, U)
-        0 to 1.
+        From 0; lids may be told more than shut.
     units : sequence of str
         Others than lids' stay as they are.
 
     Returns
     -------
     (T, U)
-        Never less than it was.
+        0 to 1 of lids.
     """
     lids = [u for u, unit in enumerate(units) if unit.rstrip("LR") in LIDS]
     heights = blink_heights(intensity[:, lids])
     if len(heights) < FEWEST:
         return intensity
     # The empirical quantile, without interpolation: a take that is played twice has the same.
-    gain = max(SHUT / np.quantile(heights, STRONG, method="inverted_cdf"), 1)
+    gain = SHUT / np.quantile(heights, STRONG, method="inverted_cdf")
     result = intensity.copy()
     result[:, lids] = np.clip(gain * result[:, lids], 0, 1)
     return result

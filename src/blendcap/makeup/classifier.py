@@ -17,6 +17,7 @@ import numpy as np
 from blendcap.makeup.features import features
 from blendcap.makeup.intensity import LEVELS
 from blendcap.makeup.patches import Patches
+from blendcap.makeup.scales import scaled
 from blendcap.makeup.units import Region
 
 METHODS = ("intensity", "svm")
@@ -41,6 +42,8 @@ class RegionModel:
         Least and most paint in each patch while training, in multiples of the neutral's.
     errors : (U,)
         Standard deviation of each unit's intensity on repetitions that were left out of the training.
+    scales : (U, 2)
+        Gain and bend of each unit: its intensity is gain * score ** bend (intensity).
     scores : {name: float}
         Accuracies on repetitions that were left out.
     confusion : (H + 1, H + 1) int
@@ -55,14 +58,15 @@ class RegionModel:
     trust: np.ndarray
     coverage: np.ndarray
     errors: np.ndarray
+    scales: np.ndarray
     scores: Mapping[str, float] = field(default_factory=dict)
     confusion: np.ndarray = field(default_factory=lambda: np.zeros((0, 0), dtype=int))
 
     def answer(self, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Intensity (T, U), 0 to 1, of each unit, and how probable it is that the answer is right (T, U)."""
+        """Intensity (T, U), of which 1 and more is full, of each unit, and how probable each is to be right (T, U)."""
         values = seen @ self.weights.T + self.offsets
         if not len(self.classes):
-            return np.clip(values, 0, 1), np.ones_like(values)
+            return scaled(values, self.scales), np.ones_like(values)
         votes = tally(values, len(self.classes))
         best = votes.argmax(1)
         intensity = np.zeros((len(seen), len(self.region.units)))
@@ -106,7 +110,7 @@ class PatchClassifier:
         return np.concatenate(known, axis=1)
 
     def __call__(self, patches: Patches, laid: Patches | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """Intensities (T, U) and probabilities (T, U) of the units in each frame.
+        """Intensities (T, U), of which 1 and more is full, and probabilities (T, U) of the units in each frame.
 
         Regions that want faces laid over each other look at `laid`, if there is such.
         """

@@ -53,7 +53,7 @@ def classify(
         influence is zero where no unit is seen, as in the papers, and the markers rule.
     full_blinks : bool
         Put the lids' curves on the performer's own scale: a take's strongest blinks shut the eyes. Another face shows
-        the teacher's blink more weakly. The papers' machine tells classes and is left alone.
+        the teacher's blink more or less strongly. The papers' machine tells classes and is left alone.
 
     Returns
     -------
@@ -75,6 +75,7 @@ def classify(
     intensity = _smoothed(intensity, classifier, rate)
     if full_blinks and classifier.method == "intensity":
         intensity = with_full_blinks(intensity, classifier.units)
+    intensity = np.minimum(intensity, 1)
     errors = np.concatenate([model.errors for model in classifier.models])
     trust = np.minimum(1, (SURE / np.maximum(errors, 1e-6)) ** 2) * probability
     if not everywhere:
@@ -85,12 +86,15 @@ def classify(
 
 
 def _smoothed(intensity: np.ndarray, classifier: PatchClassifier, rate: float) -> np.ndarray:
-    """Intensities (T, U), smooth: those of lids over a shorter window, but for the papers' machine."""
-    result = smooth(intensity, rate, _window(WINDOWS[classifier.method], rate))
+    """Intensities (T, U), smooth: those of lids over a shorter window, but for the papers' machine.
+
+    Lids may be told more than shut: blinks, whose scale is not the lesson's, are not cut off before it is known.
+    """
+    result = smooth(np.minimum(intensity, 1), rate, _window(WINDOWS[classifier.method], rate))
     quick = [u for u, unit in enumerate(classifier.units) if unit.rstrip("LR") in LIDS]
     if classifier.method == "intensity" and quick:
         result[:, quick] = smooth(intensity[:, quick], rate, _window(LID_WINDOW, rate))
-    return np.clip(result, 0, 1)
+    return np.maximum(result, 0)
 
 
 def _window(seconds: float, rate: float) -> float:

@@ -12,8 +12,8 @@ from blendcap.makeup.classifier import METHODS, PatchClassifier, RegionModel
 from blendcap.makeup.features import check_features
 from blendcap.makeup.units import Region
 
-KIND, VERSION = "patch classifier", 3
-_ARRAYS = ("weights", "offsets", "classes", "trust", "coverage", "errors", "confusion")
+KIND, VERSION = "patch classifier", 4
+_ARRAYS = ("weights", "offsets", "classes", "trust", "coverage", "errors", "scales", "confusion")
 
 
 def pack(classifier: PatchClassifier) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
@@ -68,11 +68,16 @@ def _check(model: RegionModel, method: str, neutral: Mapping[str, np.ndarray]) -
         and model.classes.shape == (classes, 2)
         and (classes > 1) == (method == "svm")
         and model.errors.shape == (units,)
+        and model.scales.shape == (units, 2)
+        and (model.scales > 0).all()
         and model.trust.shape == (2,)
         and model.coverage.shape == (len(model.region.patches), 2)
         and (model.coverage > 0).all()
         and set(model.region.patches) <= set(neutral)
-        and all(np.isfinite(values).all() for values in (model.weights, model.offsets, model.trust, model.errors))
+        and all(
+            np.isfinite(values).all()
+            for values in (model.weights, model.offsets, model.trust, model.errors, model.scales)
+        )
     )
     if not fits:
         raise InputError(f"The patch classifier's region {model.region.name!r} does not fit together; train it anew.")

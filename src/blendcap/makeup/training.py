@@ -9,13 +9,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from blendcap.data import InputError
-from blendcap.makeup.augmentation import warped
+from blendcap.makeup.augmentation import ELSEWHERE, warped
 from blendcap.makeup.classifier import METHODS, PatchClassifier, RegionModel, margin, paint_amount, seen_features, tally
 from blendcap.makeup.features import check_features
 from blendcap.makeup.intensity import LEVELS
 from blendcap.makeup.labels import Labels, labeled
 from blendcap.makeup.lesson import Lesson
 from blendcap.makeup.patches import Patches, flows, laid_over
+from blendcap.makeup.scales import SHOWN, fit_scales
 from blendcap.makeup.units import ARKIT_TABLE, PAPER_REGIONS, REGIONS, Region, halves, shows
 
 VARIANCE = {"svm": 0.9, "intensity": 0.99}  # of the features, that the principal components keep
@@ -24,7 +25,6 @@ COPY = 1500  # frames of a warped copy, about
 RIDGE = 3.0  # in the variance of all features together: from 1 to 10 it hardly matters
 COST = 0.1  # C of the support vector machine
 NEAR = 0.25  # an intensity that errs by less is right
-SHOWN = 0.1  # an intensity below is none
 
 log = logging.getLogger(__name__)
 Take = tuple[Patches, Lesson]
@@ -165,7 +165,7 @@ def _train_region(takes: Sequence[Take], labels: Labels, region: Region, method,
         )
     whole = [patches for patches, _ in takes]
     data = _seen(whole, labels, np.arange(len(labels.folds)), region, relative)
-    part, rows = _thinned(whole)
+    part, rows = _thinned(whole, COPY)
     more = [
         _seen([warped(patches, region, seed + k) for patches in part], labels, rows, region, relative)
         for k in range(1, warps + 1)
@@ -174,8 +174,31 @@ def _train_region(takes: Sequence[Take], labels: Labels, region: Region, method,
     weights, offsets, classes = _fit(_joined([data, *more]), method, seed)
     shown = np.concatenate([paint_amount(patches, region) for patches in whole])
     coverage = np.stack([shown.min(0), shown.max(0)], axis=1).clip(1e-3)
-    model = RegionModel(region, weights, offsets, classes, np.array([0.0, 5.0]), coverage, np.zeros(len(region.units)))
+    trust, errors, scales = np.array([0.0, 5.0]), np.zeros(len(region.units)), np.ones((len(region.units), 2))
+    model = RegionModel(region, weights, offsets, classes, trust, coverage, errors, scales)
+    if method == "intensity":
+        model = replace(model, scales=_scales(model, whole, labels, relative, seed + warps))
     return _judged(model, data, left_out, halves(region.units, {t for _, lesson in takes for t in lesson.units}))
+
+
+def _scales(model: RegionModel, takes: Sequence[Patches], labels: Labels, relative: bool, seed: int) -> np.ndarray:
+    """The model's scales (U, 2), from copies that no machine was taught, as if others had painted them."""
+    part, rows = _thinned(takes, COPY // len(ELSEWHERE))
+    seen = [
+        seen_features(_painted_anew(patches, model.region, seed + copy, size), model.region, relative)
+        for copy, size in enumerate(ELSEWHERE, 1)
+        for patches in part
+    ]
+    true = np.tile(labels.amounts[rows], (len(ELSEWHERE), 1))
+    return fit_scales(np.concatenate(seen) @ model.weights.T + model.offsets, true, model.region.units)
+
+
+def _painted_anew(patches: Patches, region: Region, seed: int, size: float) -> Patches:
+    """A warped copy as another take of the region is seen: laid over the patches, where the region wants that."""
+    copy = warped(patches, region, seed, size)
+    if not region.aligned:
+        return copy
+    return laid_over(copy, flows(copy.neutral, {name: patches.neutral[name] for name in region.patches}))
 
 
 def _seen(takes: Sequence[Patches], labels: Labels, rows: np.ndarray, region: Region, relative: bool) -> _Data:
@@ -184,10 +207,10 @@ def _seen(takes: Sequence[Patches], labels: Labels, rows: np.ndarray, region: Re
     return _Data(seen, labels.amounts[rows], labels.classes[rows], labels.folds[rows])
 
 
-def _thinned(takes: Sequence[Patches]) -> tuple[list[Patches], np.ndarray]:
-    """Every so many frames of takes, and which (T,) of all frames they are."""
+def _thinned(takes: Sequence[Patches], most: int) -> tuple[list[Patches], np.ndarray]:
+    """Every so many frames of takes, `most` about, and which (T,) of all frames they are."""
     counts = [len(patches.sure) for patches in takes]
-    every = max(1, round(sum(counts) / COPY))
+    every = max(1, round(sum(counts) / most))
     parts = [
         replace(p, images={name: frames[::every] for name, frames in p.images.items()}, sure=p.sure[::every])
         for p in takes
@@ -251,7 +274,8 @@ def _left_out(data: _Data, more: list[_Data], method: str, seed: int) -> tuple[n
         known = _joined([part.part(np.flatnonzero(part.folds != fold)) for part in (data, *more)])
         weights, offsets, classes = _fit(known, method, seed)
         part = Region("", (), ("",) * data.amounts.shape[1])
-        model = RegionModel(part, weights, offsets, classes, np.zeros(2), np.ones((0, 2)), np.zeros(0))
+        unscaled = np.ones((data.amounts.shape[1], 2))
+        model = RegionModel(part, weights, offsets, classes, np.zeros(2), np.ones((0, 2)), np.zeros(0), unscaled)
         intensity[test], _ = model.answer(data.seen[test])
         if len(classes):
             margins[test] = margin(tally(data.seen[test] @ weights.T + offsets, len(classes)))
