@@ -8,7 +8,7 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING
 
-__version__ = "0.11.0"
+__version__ = "0.12.0"
 
 _HOMES = {
     # records

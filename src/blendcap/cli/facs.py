@@ -170,7 +170,7 @@ def predict(
     everywhere
         Whether the curves also speak at rest, or only where a unit is shown, as in the papers.
     full_blinks
-        Whether the take's strongest blinks shut the eyes, or stay as weak as they were told.
+        Whether the take's strongest blinks shut the eyes, or all stay as they were told.
     as_json
         Print the answer as JSON.
     """
