@@ -174,13 +174,13 @@ def test_outputs_of_tracks_are_tried_before_the_work(tmp_path, capsys):
 
 @pytest.fixture
 def weak(tmp_path, monkeypatch):
-    """Arguments of a prediction from ready patches by a machine that tells a blink as 0.6; the machine, the patches."""
+    """Arguments of a prediction from ready patches by a machine that tells a blink as 0.8; the machine, the patches."""
     lesson, shown, _ = perform(repetitions=3)
     region = REGION._replace(units=("AU45", "AU4", "AU9"))
     named = Lesson(np.where(shown.units == "AU1+2", "AU45", shown.units), shown.repetitions)
     trained = train_classifier(lesson, named, regions=[region])
     (model,) = trained.models
-    model = replace(model, weights=0.6 * model.weights, offsets=0.6 * model.offsets)
+    model = replace(model, weights=0.8 * model.weights, offsets=0.8 * model.offsets, scales=np.ones((3, 2)))
     machine = replace(trained, models=[model])
     write_model(tmp_path / "m.npz", KIND, VERSION, *pack(machine))
     monkeypatch.setattr("blendcap.cli.facs.stage", lambda *_: staged([], Setup({}, [], [])))
@@ -207,7 +207,7 @@ def test_options_of_a_prediction_reach_the_curves(weak, tmp_path, capsys):
     assert trust == pytest.approx(dict(zip(told[-1].names, told[-1].confidence.mean(0), strict=True)), abs=1e-6)
     default, as_told, quiet = told
     lids = default.names.index("eyeBlinkLeft")
-    assert default.weights[:, lids].max() > 0.85 and 0.5 < as_told.weights[:, lids].max() < 0.7
+    assert default.weights[:, lids].max() > 0.93 and 0.7 < as_told.weights[:, lids].max() < 0.85
     assert quiet.confidence[0].max() < 0.05 < default.confidence[0].max()
 
 

@@ -183,7 +183,7 @@ def _train_region(takes: Sequence[Take], labels: Labels, region: Region, method,
 
 def _scales(model: RegionModel, takes: Sequence[Patches], labels: Labels, relative: bool, seed: int) -> np.ndarray:
     """The model's scales (U, 2), from copies that no machine was taught, as if others had painted them."""
-    part, rows = _thinned(takes, COPY // len(ELSEWHERE))
+    part, rows = _thinned(takes, min(COPY, len(labels.folds)) // len(ELSEWHERE))
     seen = [
         seen_features(_painted_anew(patches, model.region, seed + copy, size), model.region, relative)
         for copy, size in enumerate(ELSEWHERE, 1)
