@@ -10,7 +10,7 @@ from scipy.signal import savgol_filter
 from blendcap.data import Animation, InputError
 from blendcap.io.models import read_model, write_model
 from blendcap.makeup import training
-from blendcap.makeup.augmentation import warped
+from blendcap.makeup.augmentation import thinned, warped
 from blendcap.makeup.classifier import margin, tally
 from blendcap.makeup.curves import WINDOWS, classify
 from blendcap.makeup.features import COARSE, MEAN_MOTION, MOTION, SOFT, features, fine_motion, gabor, gabor_bank, motion
@@ -303,7 +303,7 @@ def test_of_long_lessons_copies_take_every_so_many_frames(lesson, monkeypatch):
     patches, shown, _ = lesson
     frames = len(patches.sure)
     monkeypatch.setattr(training, "COPY", frames // 3)
-    parts, rows = training._thinned([patches, patches], frames // 3)
+    parts, rows = thinned([patches, patches], frames // 3)
     assert [len(part.sure) for part in parts] == [-(-frames // 6)] * 2
     np.testing.assert_array_equal(rows[len(rows) // 2 :], frames + rows[: len(rows) // 2])
     np.testing.assert_array_equal(parts[0].images["forehead"][1], patches.images["forehead"][6])
@@ -424,5 +424,8 @@ def test_damaged_classifiers_are_refused(trained, tmp_path):
         unpack(meta, arrays | {"0:weights": arrays["0:weights"][:1]})
     with pytest.raises(InputError, match="does not fit together"):
         unpack(meta, arrays | {"0:scales": -arrays["0:scales"]})
+    for wrong in (np.ones((3, 1)), np.full((3, 2), np.inf), np.full((3, 2), np.nan)):
+        with pytest.raises(InputError, match="does not fit together"):
+            unpack(meta, arrays | {"0:scales": wrong})
     with pytest.raises(InputError, match="damaged"):
         unpack(meta, {key: value for key, value in arrays.items() if key != "0:offsets"})

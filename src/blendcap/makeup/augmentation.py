@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
 
-from blendcap.makeup.patches import Patches, laid_over
+from blendcap.makeup.patches import Patches, flows, laid_over
 from blendcap.makeup.units import Region
 
 SMOOTH = 10.0  # pixels over which a warp changes
-SIZE = 1.2  # standard deviation of a warp, pixels: another face, laid over the first
+SIZE = 1.2  # root mean square of a warp beside its mean, pixels: another face, laid over the first
 ELSEWHERE = (1.0, 2.0, 3.0)  # the same of other hands: strokes that were painted anew, more or less alike
 
 
@@ -25,3 +28,23 @@ def warped(patches: Patches, region: Region, seed: int, size: float = SIZE) -> P
         x, y = np.meshgrid(np.arange(width), np.arange(height))
         tables[name] = ((x + shift[0]).astype(np.float32), (y + shift[1]).astype(np.float32))
     return laid_over(patches, tables)
+
+
+def painted_anew(patches: Patches, region: Region, seed: int, size: float) -> Patches:
+    """A warped copy as another take of the region is seen: laid over the patches, where the region wants that."""
+    copy = warped(patches, region, seed, size)
+    if not region.aligned:
+        return copy
+    return laid_over(copy, flows(copy.neutral, {name: patches.neutral[name] for name in region.patches}))
+
+
+def thinned(takes: Sequence[Patches], most: int) -> tuple[list[Patches], np.ndarray]:
+    """Every so many frames of takes, `most` about, and which (T,) of all frames they are."""
+    counts = [len(patches.sure) for patches in takes]
+    every = max(1, round(sum(counts) / most))
+    parts = [
+        replace(p, images={name: frames[::every] for name, frames in p.images.items()}, sure=p.sure[::every])
+        for p in takes
+    ]
+    starts = np.cumsum([0, *counts[:-1]])
+    return parts, np.concatenate([start + np.arange(n)[::every] for start, n in zip(starts, counts, strict=True)])

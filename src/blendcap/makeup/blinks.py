@@ -13,11 +13,15 @@ DEEP = 0.6  # lids that are told to close by less do not shut: no blink grows by
 TOGETHER = 0.5  # of the stronger side, that the weaker does at least; else it is a wink
 FEWEST = 3  # blinks that tell a scale
 STRONG = 0.75  # the blink that is to shut the eyes is as strong as this part of all
+USUAL = 0.5
 SHUT = 0.95
 
 
 def with_full_blinks(intensity: np.ndarray, units: Sequence[str]) -> np.ndarray:
     """Intensities in which the strongest blinks of a take, if it has `FEWEST`, reach `SHUT`.
+
+    Blinks that are told as more than shut come down, but the usual one still shuts: a squeeze, or a noisy frame, does
+    not hold all others open.
 
     One gain for both eyes, told by the blinks that both do: a side that closes less stays so, and a wink tells nothing.
     It does not depend on how long the take is, nor on what else is in it.
@@ -32,16 +36,16 @@ def with_full_blinks(intensity: np.ndarray, units: Sequence[str]) -> np.ndarray:
     Returns
     -------
     (T, U)
-        0 to 1 of lids.
+        0 to 1 of lids; as it was if there are too few blinks.
     """
     lids = [u for u, unit in enumerate(units) if unit.rstrip("LR") in LIDS]
     heights = blink_heights(intensity[:, lids])
     if len(heights) < FEWEST:
         return intensity
     # The empirical quantile, without interpolation: a take that is played twice has the same.
-    gain = SHUT / np.quantile(heights, STRONG, method="inverted_cdf")
+    usual, strong = np.quantile(heights, (USUAL, STRONG), method="inverted_cdf")
     result = intensity.copy()
-    result[:, lids] = np.clip(gain * result[:, lids], 0, 1)
+    result[:, lids] = np.clip(SHUT / min(strong, max(usual, 1)) * result[:, lids], 0, 1)
     return result
 
 
@@ -49,7 +53,8 @@ def blink_heights(lids: np.ndarray) -> np.ndarray:
     """How far the lids (T, sides) close, mean of the sides, in each blink that all of them do; (B,)."""
     if not lids.size:
         return np.zeros(0)
-    open_before_and_after = np.pad(lids.mean(1), 1)  # so that what follows a take does not count
+    # Open before and after, so that what follows a take does not count; what trembles while it is shut is one closing.
+    open_before_and_after = np.pad(np.minimum(lids.mean(1), 1), 1)
     places = find_peaks(open_before_and_after, height=DEEP, prominence=RISES)[0] - 1
     blinks = lids[places]
     return blinks.mean(1)[blinks.min(1) >= TOGETHER * blinks.max(1)]

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from blendcap.data import Animation, InputError
-from blendcap.makeup.blinks import with_full_blinks
+from blendcap.makeup.blinks import LIDS, with_full_blinks
 from blendcap.makeup.classifier import PatchClassifier
 from blendcap.makeup.patches import Patches, flows, laid_over
 from blendcap.makeup.units import ARKIT_TABLE
@@ -20,7 +20,7 @@ from blendcap.numerics.smoothing import smooth
 # on tuning takes: curves as smooth as the markers alone make them, and blinks that keep their height.
 WINDOWS: Mapping[str, float] = {"svm": 25 / 60, "intensity": 0.35}
 LID_WINDOW = 7 / 30
-LIDS = ("AU5", "AU43", "AU45", "AU63", "AU64")
+QUICK = ("AU5", "AU43", "AU45", "AU63", "AU64")  # what lids do
 INFLUENCE_WINDOW = 15 / 60  # seconds over which the influence rises and falls
 LEAST_FRAMES = 5  # of a window: a parabola through three frames smooths nothing
 SURE = 0.1  # an intensity that errs by no more than this is fully trusted
@@ -47,7 +47,7 @@ def classify(
         Made once for each rig; ARKit's names if not given.
     aligned : bool, optional
         Whether the performer's neutral is laid over that of the training face first, by optical flow. As each region
-        wants it if not given.
+        wants it if not given: the scales of its units are learned so.
     everywhere : bool
         Let the curves speak at rest too (a lid that is open is as well seen as one that is shut). If not, their
         influence is zero where no unit is seen, as in the papers, and the markers rule.
@@ -90,10 +90,12 @@ def _smoothed(intensity: np.ndarray, classifier: PatchClassifier, rate: float) -
 
     Lids may be told more than shut: blinks, whose scale is not the lesson's, are not cut off before it is known.
     """
-    result = smooth(np.minimum(intensity, 1), rate, _window(WINDOWS[classifier.method], rate))
-    quick = [u for u, unit in enumerate(classifier.units) if unit.rstrip("LR") in LIDS]
-    if classifier.method == "intensity" and quick:
-        result[:, quick] = smooth(intensity[:, quick], rate, _window(LID_WINDOW, rate))
+    bare = np.array([unit.rstrip("LR") for unit in classifier.units])
+    most = np.where(np.isin(bare, LIDS), np.inf, 1.0)
+    result = smooth(np.minimum(intensity, most), rate, _window(WINDOWS[classifier.method], rate))
+    quick = np.isin(bare, QUICK)
+    if classifier.method == "intensity" and quick.any():
+        result[:, quick] = smooth(np.minimum(intensity, most)[:, quick], rate, _window(LID_WINDOW, rate))
     return np.maximum(result, 0)
 
 

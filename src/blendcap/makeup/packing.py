@@ -24,7 +24,7 @@ def pack(classifier: PatchClassifier) -> tuple[dict[str, Any], dict[str, np.ndar
     regions = [m.region._asdict() | {"scores": dict(m.scores)} for m in classifier.models]
     meta = {
         "method": classifier.method, "relative": classifier.relative, "regions": regions, "units": classifier.units,
-        "unit": "intensity 0 to 1",
+        "unit": "intensity, 1 is full",
     }  # fmt: skip
     return meta, arrays
 

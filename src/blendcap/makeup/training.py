@@ -9,14 +9,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from blendcap.data import InputError
-from blendcap.makeup.augmentation import ELSEWHERE, warped
+from blendcap.makeup.augmentation import ELSEWHERE, painted_anew, thinned, warped
 from blendcap.makeup.classifier import METHODS, PatchClassifier, RegionModel, margin, paint_amount, seen_features, tally
 from blendcap.makeup.features import check_features
 from blendcap.makeup.intensity import LEVELS
 from blendcap.makeup.labels import Labels, labeled
 from blendcap.makeup.lesson import Lesson
 from blendcap.makeup.patches import Patches, flows, laid_over
-from blendcap.makeup.scales import SHOWN, fit_scales
+from blendcap.makeup.scales import SHOWN, fit_scales, scaled
 from blendcap.makeup.units import ARKIT_TABLE, PAPER_REGIONS, REGIONS, Region, halves, shows
 
 VARIANCE = {"svm": 0.9, "intensity": 0.99}  # of the features, that the principal components keep
@@ -165,7 +165,7 @@ def _train_region(takes: Sequence[Take], labels: Labels, region: Region, method,
         )
     whole = [patches for patches, _ in takes]
     data = _seen(whole, labels, np.arange(len(labels.folds)), region, relative)
-    part, rows = _thinned(whole, COPY)
+    part, rows = thinned(whole, COPY)
     more = [
         _seen([warped(patches, region, seed + k) for patches in part], labels, rows, region, relative)
         for k in range(1, warps + 1)
@@ -183,9 +183,9 @@ def _train_region(takes: Sequence[Take], labels: Labels, region: Region, method,
 
 def _scales(model: RegionModel, takes: Sequence[Patches], labels: Labels, relative: bool, seed: int) -> np.ndarray:
     """The model's scales (U, 2), from copies that no machine was taught, as if others had painted them."""
-    part, rows = _thinned(takes, min(COPY, len(labels.folds)) // len(ELSEWHERE))
+    part, rows = thinned(takes, min(COPY, len(labels.folds)) // len(ELSEWHERE))
     seen = [
-        seen_features(_painted_anew(patches, model.region, seed + copy, size), model.region, relative)
+        seen_features(painted_anew(patches, model.region, seed + copy, size), model.region, relative)
         for copy, size in enumerate(ELSEWHERE, 1)
         for patches in part
     ]
@@ -193,30 +193,10 @@ def _scales(model: RegionModel, takes: Sequence[Patches], labels: Labels, relati
     return fit_scales(np.concatenate(seen) @ model.weights.T + model.offsets, true, model.region.units)
 
 
-def _painted_anew(patches: Patches, region: Region, seed: int, size: float) -> Patches:
-    """A warped copy as another take of the region is seen: laid over the patches, where the region wants that."""
-    copy = warped(patches, region, seed, size)
-    if not region.aligned:
-        return copy
-    return laid_over(copy, flows(copy.neutral, {name: patches.neutral[name] for name in region.patches}))
-
-
 def _seen(takes: Sequence[Patches], labels: Labels, rows: np.ndarray, region: Region, relative: bool) -> _Data:
     """Features of takes, of which `rows` of the labels tell."""
     seen = np.concatenate([seen_features(patches, region, relative) for patches in takes])
     return _Data(seen, labels.amounts[rows], labels.classes[rows], labels.folds[rows])
-
-
-def _thinned(takes: Sequence[Patches], most: int) -> tuple[list[Patches], np.ndarray]:
-    """Every so many frames of takes, `most` about, and which (T,) of all frames they are."""
-    counts = [len(patches.sure) for patches in takes]
-    every = max(1, round(sum(counts) / most))
-    parts = [
-        replace(p, images={name: frames[::every] for name, frames in p.images.items()}, sure=p.sure[::every])
-        for p in takes
-    ]
-    starts = np.cumsum([0, *counts[:-1]])
-    return parts, np.concatenate([start + np.arange(n)[::every] for start, n in zip(starts, counts, strict=True)])
 
 
 def _fit(data: _Data, method: str, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -288,7 +268,7 @@ def _joined(parts: list[_Data]) -> _Data:
 
 def _judged(model: RegionModel, data: _Data, left_out: tuple[np.ndarray, np.ndarray], whole) -> RegionModel:
     """The model with what left-out showings say of it: errors, accuracies, confusion, calibration."""
-    told, margins = left_out
+    told, margins = np.minimum(scaled(left_out[0], model.scales), 1), left_out[1]
     merge = np.zeros((len(model.region.units), len(whole)))
     for column, places in enumerate(whole.values()):
         merge[places, column] = 1 / len(places)
