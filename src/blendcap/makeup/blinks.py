@@ -12,16 +12,14 @@ RISES = 0.4  # how far lids close, and open again, when they blink
 DEEP = 0.6  # lids that are told to close by less do not shut: no blink grows by much more than a half
 TOGETHER = 0.5  # of the stronger side, that the weaker does at least; else it is a wink
 FEWEST = 3  # blinks that tell a scale
-STRONG = 0.75  # the blink that is to shut the eyes is as strong as this part of all
-USUAL = 0.5
+STRONG = 0.65  # the blink that is to shut the eyes is as strong as this part of all: of three, the second
 SHUT = 0.95
 
 
 def with_full_blinks(intensity: np.ndarray, units: Sequence[str]) -> np.ndarray:
     """Intensities in which the strongest blinks of a take, if it has `FEWEST`, reach `SHUT`.
 
-    Blinks that are told as more than shut come down, but the usual one still shuts: a squeeze, or a noisy frame, does
-    not hold all others open.
+    Blinks that are told as more than shut come down; a squeeze among three, or a noisy frame, does not tell how far.
 
     One gain for both eyes, told by the blinks that both do: a side that closes less stays so, and a wink tells nothing.
     It does not depend on how long the take is, nor on what else is in it.
@@ -43,9 +41,9 @@ def with_full_blinks(intensity: np.ndarray, units: Sequence[str]) -> np.ndarray:
     if len(heights) < FEWEST:
         return intensity
     # The empirical quantile, without interpolation: a take that is played twice has the same.
-    usual, strong = np.quantile(heights, (USUAL, STRONG), method="inverted_cdf")
+    gain = SHUT / np.quantile(heights, STRONG, method="inverted_cdf")
     result = intensity.copy()
-    result[:, lids] = np.clip(SHUT / min(strong, max(usual, 1)) * result[:, lids], 0, 1)
+    result[:, lids] = np.clip(gain * result[:, lids], 0, 1)
     return result
 
 
