@@ -22,8 +22,9 @@ import numpy as np
 
 from blendcap.makeup.classifier import PatchClassifier
 from blendcap.makeup.curves import _answers, _smoothed
+from blendcap.makeup.intensity import is_clear, recognized
 from blendcap.makeup.scales import scaled
-from blendcap.makeup.training import is_clear, recognized, train_classifier
+from blendcap.makeup.training import train_classifier
 from blendcap.makeup.units import PAPER_REGIONS
 from blendcap.numerics.stretches import stretches
 from hybrid_counts import hits
@@ -99,9 +100,9 @@ gets, so judge a machine by what it gets above that, by recall, and by "worst".
 "level": the worst region's part of frames in which the intensity is told within 0.25, too. "45" and "6+43": precision
 and recall, and in brackets where a unit may be told two frames early or late. "worst": the correlation of told and
 true intensity of the unit that is told worst. "svm" is the papers' machine, "intensity" the default, whose 6+43 is a 45
-with much AU6 (closing by closing; the two kinds of a take are told apart by where they part) and whose sideways pucker
-is the geometric mean of 10, 12 and 18; how much was set on the lessons, on other takes of the teachers, and on
-mannequins 5 and 6 and ICT 104, who are not tested.
+with much AU6 (closing by closing, told before the units' scales; the two kinds of a take are told apart by where they
+part) and whose sideways pucker is the geometric mean of 10, 12 and 18; how much was set on the lessons, on other takes
+of the teachers, and on mannequins 5 and 6 and ICT 104, who are not tested.
 
 | face | take | method | laid over | brows | nose | eyes | mouth | level | 45 | 6+43 | worst | frames/s |
 |---|---|---|---|---|---|---|---|---|---|---|---|---|

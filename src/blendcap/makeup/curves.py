@@ -91,11 +91,11 @@ def _smoothed(intensity: np.ndarray, classifier: PatchClassifier, rate: float) -
     Lids may be told more than shut: blinks, whose scale is not the lesson's, are not cut off before it is known.
     """
     bare = np.array([unit.rstrip("LR") for unit in classifier.units])
-    most = np.where(np.isin(bare, LIDS), np.inf, 1.0)
-    result = smooth(np.minimum(intensity, most), rate, _window(WINDOWS[classifier.method], rate))
+    told = np.minimum(intensity, np.where(np.isin(bare, LIDS), np.inf, 1.0))
+    result = smooth(told, rate, _window(WINDOWS[classifier.method], rate))
     quick = np.isin(bare, QUICK)
     if classifier.method == "intensity" and quick.any():
-        result[:, quick] = smooth(np.minimum(intensity, most)[:, quick], rate, _window(LID_WINDOW, rate))
+        result[:, quick] = smooth(told[:, quick], rate, _window(LID_WINDOW, rate))
     return np.maximum(result, 0)
 
 

@@ -65,3 +65,15 @@ def measure_intensity(pictures: np.ndarray, neutral: np.ndarray, seed: int = 0) 
     clusters = KMeans(LEVELS, n_init="auto", random_state=seed).fit(amount[:, None])
     direction = sign * modes[0]
     return Intensity(direction, float(neutral @ direction), full, np.sort(clusters.cluster_centers_.ravel()))
+
+
+def recognized(amounts: np.ndarray) -> np.ndarray:
+    """(T,) the unit that is strongest, -1 where none reaches a sixth of full intensity (half the way to level 1)."""
+    best = amounts.argmax(1)
+    return np.where(amounts[np.arange(len(amounts)), best] >= 0.5 / (LEVELS - 1), best, -1)
+
+
+def is_clear(amounts: np.ndarray) -> np.ndarray:
+    """(T,) bool: plainly at rest or plainly not; in between even a person could not say."""
+    strongest = amounts.max(1)
+    return (strongest < 0.12) | (strongest > 0.3)

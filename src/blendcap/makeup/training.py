@@ -12,7 +12,7 @@ from blendcap.data import InputError
 from blendcap.makeup.augmentation import ELSEWHERE, painted_anew, thinned, warped
 from blendcap.makeup.classifier import METHODS, PatchClassifier, RegionModel, margin, paint_amount, seen_features, tally
 from blendcap.makeup.features import check_features
-from blendcap.makeup.intensity import LEVELS
+from blendcap.makeup.intensity import LEVELS, is_clear, recognized
 from blendcap.makeup.labels import Labels, labeled
 from blendcap.makeup.lesson import Lesson
 from blendcap.makeup.patches import Patches, flows, laid_over
@@ -287,18 +287,6 @@ def _judged(model: RegionModel, data: _Data, left_out: tuple[np.ndarray, np.ndar
     errors = np.sqrt(((told - data.amounts) ** 2).mean(0))
     trust = _calibrated(margins[lone], right[lone]) if len(model.classes) else model.trust
     return replace(model, trust=trust, errors=errors, scores=scores, confusion=confusion)
-
-
-def recognized(amounts: np.ndarray) -> np.ndarray:
-    """(T,) the unit that is strongest, -1 where none reaches a sixth of full intensity (half the way to level 1)."""
-    best = amounts.argmax(1)
-    return np.where(amounts[np.arange(len(amounts)), best] >= 0.5 / (LEVELS - 1), best, -1)
-
-
-def is_clear(amounts: np.ndarray) -> np.ndarray:
-    """(T,) bool: plainly at rest or plainly not; in between even a person could not say."""
-    strongest = amounts.max(1)
-    return (strongest < 0.12) | (strongest > 0.3)
 
 
 def _calibrated(margins: np.ndarray, right: np.ndarray) -> np.ndarray:
