@@ -142,6 +142,18 @@ def test_lids_are_smoothed_less_than_brows(trained):
     np.testing.assert_allclose(told.weights[:, 0], np.clip(savgol_filter(raw[:, 0], frames, 2), 0, 1), atol=1e-6)
 
 
+def test_a_lid_that_is_told_more_than_shut_is_shut(trained):
+    """A shape that is half on when the eye is shut is half on, however strongly it is told."""
+    patches, _, _ = perform(repetitions=1, seed=7)
+    (model,) = trained.models
+    region = model.region._replace(units=("AU45L", "AU4", "AU9"))
+    strong = replace(trained, models=[replace(model, region=region, scales=np.full((3, 2), [4.0, 1.0]))])
+    table = {"AU45L": {"lid": 0.5}, "AU4": {}, "AU9": {}}
+    for full_blinks in (True, False):
+        lid = classify(strong, patches, table=table, full_blinks=full_blinks).weights[:, 0]
+        assert lid.max() == pytest.approx(0.5, abs=0.1) and lid.max() <= 0.5
+
+
 def test_no_patches_are_refused(trained):
     with pytest.raises(InputError, match="no patches to classify"):
         classify(trained, iter([]), table=TABLE)
