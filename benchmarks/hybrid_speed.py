@@ -144,13 +144,18 @@ def _again(shots: list[list[np.ndarray]], count: int) -> list[Iterator[np.ndarra
     return [itertools.islice(itertools.cycle(frames), count) for frames in shots]
 
 
+def _as_long(paths: Sequence[np.ndarray], count: int) -> list[np.ndarray]:
+    """Of each camera the paths (T, K, 2) of the filmed frames, again and again."""
+    return [np.resize(of_view[:FILMED], (count, *of_view.shape[1:])) for of_view in paths]
+
+
 def _telling(scene: _Scene, classifier: PatchClassifier, count: int) -> Callable[[], object]:
     """Curves of so many frames, from their pictures."""
-    dots = [np.resize(of_view[:FILMED], (count, *of_view.shape[1:])) for of_view in scene.setup.dots]
+    dots, anchors = _as_long(scene.setup.dots, count), _as_long(scene.setup.anchors, count)
 
     def work() -> Animation:
-        videos, setup = _again(scene.shots, count), scene.setup
-        return classify(classifier, each_block(videos, setup.places, setup.anchors, RATE, dots=dots, dot_radius=6.0))
+        videos, places = _again(scene.shots, count), scene.setup.places
+        return classify(classifier, each_block(videos, places, anchors, RATE, dots=dots, dot_radius=6.0))
 
     return work
 

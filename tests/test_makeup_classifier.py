@@ -211,8 +211,8 @@ def test_motion_is_how_far_a_stroke_has_moved():
     image = np.zeros((44, 56), dtype=np.uint8)
     image[18:22, 8:48] = 255
     for shift in (-3, 2, 4):
-        moved = motion(np.roll(image, shift, axis=0), image)
-        still = motion(image, image)
+        moved = motion(image)(np.roll(image, shift, axis=0))
+        still = motion(image)(image)
         paint = cv2.GaussianBlur(image, (0, 0), SOFT).sum() / 255 * MOTION / COARSE**2
         assert moved[..., 1].sum() / paint == pytest.approx(shift, rel=0.15)
         assert abs(moved[..., 0].sum() / paint) < 0.2 and np.abs(still).max() < 1e-3 * MOTION
@@ -231,8 +231,8 @@ def test_a_thin_stroke_between_others_that_keep_still_is_seen_to_move():
     weight = cv2.resize(paint, (14, 11), interpolation=cv2.INTER_AREA)[9, 6:9].mean()
     for rise in (1, 2):
         frame, rest = with_rising_stroke(rise), with_rising_stroke(0)
-        fine = fine_motion(frame, rest)[..., 1] / MEAN_MOTION
-        share = motion(frame, rest)[9, 6:9, 1].mean() / weight
+        fine = fine_motion(rest)(frame)[..., 1] / MEAN_MOTION
+        share = motion(rest)(frame)[9, 6:9, 1].mean() / weight
         assert fine[9, 6:9].mean() == pytest.approx(-rise, rel=0.3)
         assert abs(share + rise) > abs(fine[9, 6:9].mean() + rise)
         assert np.abs(fine[[2, 6], 2:11]).max() < 0.1
@@ -241,7 +241,7 @@ def test_a_thin_stroke_between_others_that_keep_still_is_seen_to_move():
 
 def test_mean_motion_does_not_tell_how_broad_a_stroke_is():
     def seen(kind, width):
-        return kind(with_rising_stroke(2, width), with_rising_stroke(0, width))[9, 6:9, 1].mean()
+        return kind(with_rising_stroke(0, width))(with_rising_stroke(2, width))[9, 6:9, 1].mean()
 
     assert seen(fine_motion, 5) == pytest.approx(seen(fine_motion, 3), rel=0.15)
     assert seen(motion, 5) != pytest.approx(seen(motion, 3), rel=0.3)

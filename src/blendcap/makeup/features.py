@@ -8,10 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
+from threading import local
 
 import numpy as np
 
 from blendcap.data import InputError
+from blendcap.makeup.threads import in_threads
+
+See = Callable[[np.ndarray], np.ndarray]  # from a patch (h, w) uint8 to what is seen of it
 
 SCALES = ((1.8, 5.0), (3.2, 9.0))  # width of the envelope and wavelength, pixels
 ORIENTATIONS = 4
@@ -23,6 +27,7 @@ SOFT = 2.0  # pixels of blur before motion is sought
 MOTION = 25.0  # a pixel of motion counts as much as this: about as much as a Gabor filter's answer
 NEAR = 4.0  # pixels: paint whose motion is averaged
 BARE = 0.02  # of white: where there is less paint near, it tells little
+TOGETHER = 16  # frames that a thread looks at before it asks for more
 MEAN_MOTION = 8.0  # a pixel of mean motion counts as much as this
 
 
@@ -73,16 +78,17 @@ def edges(image: np.ndarray) -> np.ndarray:
     return cv2.resize(strength, (image.shape[1] // CELL, image.shape[0] // CELL), interpolation=cv2.INTER_AREA)
 
 
-def motion(image: np.ndarray, neutral: np.ndarray) -> np.ndarray:
+def motion(neutral: np.ndarray) -> See:
     """How far the paint of a patch (h, w) uint8 has moved from the neutral one (h / 4, w / 4, 2), where it was.
 
     By dense inverse search (Kroeger et al. 2016, doi:10.1007/978-3-319-46493-0_29).
     """
-    moved, paint = _moved(image, neutral, finest=1)
-    return _coarse(moved * paint * MOTION)
+    start = _soft(neutral)
+    weight = _paint(start) * MOTION
+    return lambda image: _coarse(_moved(start, image, finest=1) * weight)
 
 
-def fine_motion(image: np.ndarray, neutral: np.ndarray) -> np.ndarray:
+def fine_motion(neutral: np.ndarray) -> See:
     """Motion to the last pixel, of thin strokes that move by one or two: the mean of the paint near each place.
 
     A mean, unlike a sum, does not tell how much paint is near, which differs from hand to hand (normalized
@@ -90,18 +96,26 @@ def fine_motion(image: np.ndarray, neutral: np.ndarray) -> np.ndarray:
     """
     import cv2
 
-    moved, paint = _moved(image, neutral, finest=0)
-    total, amount = (cv2.GaussianBlur(values, (0, 0), NEAR) for values in (moved * paint, paint[..., 0]))
-    return _coarse(total / (amount + BARE)[..., None] * MEAN_MOTION)
+    start = _soft(neutral)
+    paint = _paint(start)
+    scale = MEAN_MOTION / (cv2.GaussianBlur(paint, (0, 0), NEAR) + BARE)[..., None]
+    return lambda image: _coarse(cv2.GaussianBlur(_moved(start, image, finest=0) * paint, (0, 0), NEAR) * scale)
 
 
-def _moved(image: np.ndarray, neutral: np.ndarray, finest: int) -> tuple[np.ndarray, np.ndarray]:
-    """How far each pixel (h, w, 2) of a neutral patch has moved, and how much paint (h, w, 1) it bore, 0 to 1."""
+def _soft(image: np.ndarray) -> np.ndarray:
     import cv2
 
-    start, end = (cv2.GaussianBlur(picture, (0, 0), SOFT) for picture in (neutral, image))
-    moved = np.asarray(_flow(finest).calc(start, end, None))  # pyright: ignore[reportCallIssue, reportArgumentType]
-    return moved, start.astype(np.float32)[..., None] / 255
+    return cv2.GaussianBlur(image, (0, 0), SOFT)
+
+
+def _paint(soft: np.ndarray) -> np.ndarray:
+    """How much paint (h, w, 1) each pixel of a soft neutral patch bears, 0 to 1."""
+    return soft.astype(np.float32)[..., None] / 255
+
+
+def _moved(start: np.ndarray, image: np.ndarray, finest: int) -> np.ndarray:
+    """How far each pixel (h, w, 2) of a soft neutral patch has moved."""
+    return np.asarray(_flow(finest).calc(start, _soft(image), None))  # pyright: ignore[reportCallIssue, reportArgumentType]
 
 
 def _coarse(values: np.ndarray) -> np.ndarray:
@@ -111,9 +125,18 @@ def _coarse(values: np.ndarray) -> np.ndarray:
     return cv2.resize(values, (values.shape[1] // COARSE, values.shape[0] // COARSE), interpolation=cv2.INTER_AREA)
 
 
-@cache
 def _flow(finest: int):
-    """Dense inverse search whose pictures are halved `finest` times at least."""
+    """Dense inverse search whose pictures are halved `finest` times at least: each thread has its own."""
+    flows = _of_thread.__dict__.setdefault("flows", {})
+    if finest not in flows:
+        flows[finest] = _new_flow(finest)
+    return flows[finest]
+
+
+_of_thread = local()
+
+
+def _new_flow(finest: int):
     import cv2
 
     flow = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
@@ -124,10 +147,8 @@ def _flow(finest: int):
     return flow
 
 
-LOOKS: Mapping[str, Callable[[np.ndarray], np.ndarray]] = {"gabor": gabor, "hog": hog, "edges": edges}
-TRAVELS: Mapping[str, Callable[[np.ndarray, np.ndarray], np.ndarray]] = {
-    "motion": motion, "fine": fine_motion,
-}  # fmt: skip
+LOOKS: Mapping[str, See] = {"gabor": gabor, "hog": hog, "edges": edges}
+TRAVELS: Mapping[str, Callable[[np.ndarray], See]] = {"motion": motion, "fine": fine_motion}  # from a neutral patch
 FEATURES = (*LOOKS, *TRAVELS)
 
 
@@ -141,9 +162,14 @@ def check_features(kind: str) -> None:
 def features(images: Sequence[np.ndarray], neutral: Sequence[np.ndarray], kind: str = "gabor") -> np.ndarray:
     """Features (T, D) float32 of a region's patches, each (T, h, w) uint8, side by side; neutral ones are (h, w)."""
     check_features(kind)
-    columns = []
-    for part in kind.split("+"):
-        for frames, rest in zip(images, neutral, strict=True):
-            seen = [TRAVELS[part](frame, rest) if part in TRAVELS else LOOKS[part](frame) for frame in frames]
-            columns.append(np.array(seen, dtype=np.float32).reshape(len(frames), -1))
-    return np.concatenate(columns, axis=1)
+    columns = [
+        (frames, TRAVELS[part](rest) if part in TRAVELS else LOOKS[part])
+        for part in kind.split("+")
+        for frames, rest in zip(images, neutral, strict=True)
+    ]
+
+    def rows(start: int) -> np.ndarray:
+        parts = [[see(frame) for frame in frames[start : start + TOGETHER]] for frames, see in columns]
+        return np.concatenate([np.array(part, dtype=np.float32).reshape(len(part), -1) for part in parts], axis=1)
+
+    return np.concatenate(in_threads(rows, range(0, len(images[0]), TOGETHER)))

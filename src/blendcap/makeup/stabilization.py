@@ -72,6 +72,7 @@ class Held:
         if paths.shape[1] < 3 or not np.isfinite(paths[0]).all():
             raise InputError("Holding the picture still takes three points that are known in the first frame.")
         self.paths, self.frame = paths, 0
+        self.to_motion = np.linalg.pinv(_with_ones(paths[0]))
         self.last = np.eye(3)[:2]
 
     def follow(self, _: np.ndarray) -> tuple[np.ndarray, float]:
@@ -83,7 +84,7 @@ class Held:
         places = self.paths[self.frame]
         known = bool(np.isfinite(places).all())
         if known:
-            self.last = affinity(self.paths[0], places)
+            self.last = (self.to_motion @ places).T  # least squares
         self.frame += 1
         return self.last, float(known)
 
@@ -93,9 +94,8 @@ def held(neutral: np.ndarray, anchors: np.ndarray) -> Stabilizer | Held:
     return Held(anchors) if np.ndim(anchors) == 3 else Stabilizer(neutral, anchors)
 
 
-def affinity(start: np.ndarray, end: np.ndarray) -> np.ndarray:
-    """The matrix (2, 3) that takes points (K, 2) to others by an affine map, least squares."""
-    return np.linalg.lstsq(np.column_stack([start, np.ones(len(start))]), end, rcond=None)[0].T
+def _with_ones(points: np.ndarray) -> np.ndarray:
+    return np.column_stack([points, np.ones(len(points))])
 
 
 def similarity(start: np.ndarray, end: np.ndarray) -> np.ndarray:

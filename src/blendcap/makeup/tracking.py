@@ -7,7 +7,6 @@ pixel (half of the points on the stage), for every shape of the rig, and no less
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -16,6 +15,7 @@ from blendcap.data import Binding, Camera, InputError, MarkerTake, PaintTracks, 
 from blendcap.makeup.expectation import Expectation
 from blendcap.makeup.follower import LEVELS, Follower, lids_of, soft
 from blendcap.makeup.skin_points import SkinPoints, skin_points
+from blendcap.makeup.threads import in_threads
 from blendcap.rendering import project, sight_lines
 from blendcap.solving.shares import full_weights, in_shares
 
@@ -72,8 +72,7 @@ def track_paint(
 
         return _follow(view, iter(videos[view]), rig, binding, cameras[view], expected, tell)
 
-    with ThreadPoolExecutor() as pool:
-        found = list(pool.map(follow, range(len(cameras))))
+    found = in_threads(follow, range(len(cameras)), most=len(cameras))
     if not sum(len(points.pixels) for points, _ in found):
         raise InputError(
             "No camera sees anything on the skin that could be followed; check that the first frame is lit, and that "

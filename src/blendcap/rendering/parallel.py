@@ -37,7 +37,11 @@ def each_ahead(work: Callable[[Item], Answer], items: Iterable[Item]) -> Iterato
             yield waiting.popleft().result()
 
 
+def cores() -> int:
+    """How many cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 @cache
 def _pool() -> ThreadPoolExecutor:
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return ThreadPoolExecutor(cores, thread_name_prefix="render")
+    return ThreadPoolExecutor(cores(), thread_name_prefix="render")
