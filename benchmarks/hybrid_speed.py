@@ -84,7 +84,7 @@ def _measured(what: str, prepare: Callable[[int], Callable[[], object]]) -> list
     return rows
 
 
-TEXT = """Patches and lessons take one thread, paint one a camera, on two cores. Cutting is counted; decoding of video
+TEXT = """On two cores, which all three use. Cutting is counted; decoding of video
 and the solve that says where paint is sought are not. Frames lie in memory, forty filmed ones again and again. The
 bars: 60 frames a second, three minutes of lessons taught in three minutes, memory that does not grow with the take.
 Tracks do grow: every point's place in every frame is what is asked for.
