@@ -1,6 +1,7 @@
 """From head-camera video to curves: train on one take, predict another, solve with it; and what is refused."""
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -13,7 +14,8 @@ from scipy.spatial.transform import Rotation
 import blendcap
 from blendcap.cli import main
 from blendcap.cli.facs import _told_right
-from blendcap.cli.facs_inputs import _check_films, blocks
+from blendcap.cli.facs_inputs import Filmed, _check_films, blocks
+from blendcap.cli.facs_inputs import stage as read_stage
 from blendcap.cli.progress import Progress
 from blendcap.data import Camera, InputError, landmarks68
 from blendcap.io import read_video, write_video
@@ -91,6 +93,17 @@ def videos(folder: Path, name: str) -> list[str]:
 def arguments(folder: Path, name: str) -> list[str]:
     return [*videos(folder, name), "--cameras", str(folder / "cameras.json"), "--take", str(folder / f"{name}.c3d"),
             "--rig", str(folder / "rig.glb"), "--correspondences", str(folder / "places.json")]  # fmt: skip
+
+
+@pytest.mark.slow
+def test_videos_that_changed_places_are_told_by_their_pictures(stage, tmp_path, caplog):
+    films = [Path(video) for video in videos(stage, "test")]
+    unnamed = [shutil.copy(film, tmp_path / f"{k}.mp4") for k, film in enumerate(films)]
+    footage = Filmed(cameras=stage / "cameras.json", rig=stage / "rig.glb", correspondences=stage / "places.json")
+    read_stage(unnamed, stage / "test.c3d", footage)
+    assert "shows the markers where" not in caplog.text
+    read_stage(unnamed[::-1], stage / "test.c3d", footage)
+    assert caplog.text.count("shows the markers where") == len(films)
 
 
 @pytest.mark.slow

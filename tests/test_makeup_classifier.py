@@ -381,7 +381,7 @@ def test_showings_may_follow_one_another_and_end_with_the_film():
 def test_a_lesson_that_shows_nothing_says_so(lesson):
     patches, shown, _ = lesson
     rest = Lesson(np.full(len(shown.units), "", dtype=object), np.zeros(len(shown.units), dtype=int))
-    with pytest.raises(InputError, match=r"shows none of the units of the regions; it shows nothing\."):
+    with pytest.raises(InputError, match=r"none of the units of the regions \(AU1\+2, .*\); it shows nothing\."):
         train_classifier(patches, rest, regions=[REGION])
 
 

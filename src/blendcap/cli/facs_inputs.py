@@ -93,13 +93,17 @@ def stage(videos: Sequence[Path], take: Path, footage: Filmed) -> Stage:
     """Read the videos, cameras, rig and markers of a take."""
     from blendcap.io import read_correspondences, read_markers, read_rig, read_video
     from blendcap.io.cameras import read_cameras
+    from blendcap.makeup.belonging import check_belonging
 
     known, the_rig, the_take = read_cameras(footage.cameras), read_rig(footage.rig), read_markers(take)
     films = [read_video(video) for video in videos]
     _check_films(films, known, len(the_take.positions), the_take.rate)
     places = None if footage.correspondences is None else read_correspondences(footage.correspondences)
     binding = blendcap.bind(the_rig, the_take, places)
-    return Stage(films, [camera for camera, _ in known.values()], the_rig, the_take, binding)
+    whole = Stage(films, [camera for camera, _ in known.values()], the_rig, the_take, binding)
+    first = [next(frames) for frames in whole.pictures()]
+    check_belonging(first, the_take.positions[0], whole.cameras, tuple(known))
+    return whole
 
 
 def _check_films(films: list[Video], cameras: Cameras, frames: int, rate: float) -> None:

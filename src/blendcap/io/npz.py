@@ -33,7 +33,9 @@ def read_npz(path: str | os.PathLike, only: str | None = None) -> dict[str, np.n
                     if entry.filename.endswith(".npy") and only in (None, entry.filename.removesuffix(".npy"))
                 }
         except _BROKEN as error:
-            raise InputError(f"Cannot read {path}: it is no whole .npz archive ({error}).") from error
+            raise InputError(
+                f"Cannot read {path}: it is no whole .npz archive ({error}); copy it again, or make it anew."
+            ) from error
 
 
 def read_kind(path: str | os.PathLike, kind: str) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
@@ -89,4 +91,6 @@ def npz_names(path: str | os.PathLike) -> set[str]:
         with zipfile.ZipFile(path) as archive:
             return {name.removesuffix(".npy") for name in archive.namelist()}
     except _BROKEN as error:
-        raise InputError(f"Cannot read {path}: it is no whole .npz archive ({error}).") from error
+        raise InputError(
+            f"Cannot read {path}: it is no whole .npz archive ({error}); copy it again, or make it anew."
+        ) from error

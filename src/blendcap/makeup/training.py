@@ -127,7 +127,9 @@ def _shown(takes: Sequence[Take], regions: Sequence[Region], method: str) -> set
     foreign = sorted(turn for turn in shown if not any(counts(turn, unit, method) for unit in known))
     if len(foreign) == len(shown):
         raise InputError(
-            f"The lesson shows none of the units of the regions; it shows {', '.join(sorted(shown)) or 'nothing'}."
+            f"The lesson shows none of the units of the regions ({', '.join(known)}); it shows "
+            + (", ".join(foreign) or "nothing")
+            + "."
         )
     if foreign:
         log.warning(

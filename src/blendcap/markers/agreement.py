@@ -42,8 +42,8 @@ def check_agreement(rows: MarkerRows, rate: float) -> None:
         return
     if best:
         log.warning(
-            "The film seems to begin %d frame%s %s the markers, which costs much of what tracks gain: cut both alike.",
-            abs(best), "s" * (abs(best) > 1), "before" if best > 0 else "after",
+            "The film seems to begin %s%d frame%s %s the markers, and tracks gain much less so: cut both alike.",
+            "at least " * (abs(best) == reach), abs(best), "s" * (abs(best) > 1), "before" if best > 0 else "after",
         )  # fmt: skip
 
 
