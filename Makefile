@@ -3,6 +3,8 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
+# A file's tests stay together on one core: they share what is dear to make.
+PYTEST := $(BIN)/python -m pytest --numprocesses auto --dist loadfile
 CODE := src tests benchmarks examples
 
 .PHONY: help setup demo test slow examples lint types check bench clean
@@ -28,10 +30,10 @@ demo: $(STAMP)  ## the whole marker pipeline on the embedded mannequin, into dem
 	@$(BIN)/blendcap demo --out demo
 
 test: $(STAMP)  ## the quick tests
-	@$(BIN)/python -m pytest
+	@$(PYTEST)
 
 slow: $(STAMP)  ## the slow tests
-	@$(BIN)/python -m pytest -m slow --ignore tests/test_examples.py
+	@$(PYTEST) -m slow --ignore tests/test_examples.py
 
 examples: $(STAMP)  ## run every example
 	@$(BIN)/python -m pytest -m slow tests/test_examples.py

@@ -131,6 +131,19 @@ def test_names_of_shapes_tell_lids_eyeballs_and_what_is_quick():
     assert kinship.eyeballs.tolist() == [False, False, True, False]
 
 
+def test_eyes_that_look_sideways_look_the_same_way():
+    names = tuple(f"head:EyeLook{way}_{side}" for way in ("In", "Out", "Up") for side in "LR")
+    in_left, in_right, out_left, out_right, up_left, up_right = range(6)
+    mesh = Mesh(np.eye(3), np.arange(3)[None])
+    rig = Rig(mesh, np.zeros((6, 3, 3)), names, mirror=mirror_map(names))
+    kinship = Kinship.of_rig(rig)
+    assert kinship.mirror.tolist() == [out_right, out_left, in_right, in_left, up_right, up_left]
+    prior = kinship.covariance()
+    assert prior[in_left, out_right] > 0 > prior[out_left, out_right]
+    lacking = rig.select([name for name in names if name != "head:EyeLookOut_R"])
+    assert np.array_equal(Kinship.of_rig(lacking).mirror, lacking.mirror)
+
+
 def test_trust_falls_beyond_what_is_usual():
     errors = np.array([0.5, 0.4, 0.6, 0.5, 0.5, 4.0, np.nan])
     factors = trust(errors)

@@ -40,7 +40,7 @@ class LiveSolver:
     rows : MarkerRows
         How the markers move; its targets are not used.
     mirror : (N,) int
-        Left and right partners.
+        Partners, as in `Kinship`.
     rate : float
         Frames a second.
     noise : float

@@ -23,7 +23,7 @@ class Kinship:
     Parameters
     ----------
     mirror : (N,) int
-        Left and right partners; itself if it has none.
+        Left and right partners; itself if it has none. Eyes look the same way: one in goes with the other out.
     opposite : (N,) int
         The shape that excludes each shape (lid up and lid down); itself if none does.
     lids, eyeballs : (N,) bool
@@ -50,11 +50,14 @@ class Kinship:
     @classmethod
     def of_rig(cls, rig: Rig, symmetry: float = SYMMETRY) -> Kinship:
         """What the rig's mirror map and the names of its shapes say."""
+        opposite = opposite_map(rig.names)
         names = [canonical(name) for name in rig.names]
         eyeballs = np.array([name.startswith(("eyeLook", "pupil")) for name in names], dtype=bool)
         lids = np.array([name.startswith("eye") for name in names], dtype=bool) & ~eyeballs
         quick = np.array([name.startswith("eyeBlink") for name in names], dtype=bool)
-        return cls(rig.mirror, opposite_map(rig.names), lids, eyeballs, quick, symmetry)
+        sideways = np.array([name.startswith(("eyeLookIn", "eyeLookOut")) for name in names], dtype=bool)
+        crossed = sideways & (opposite[rig.mirror] == rig.mirror[opposite])  # a rig may lack one of the four
+        return cls(np.where(crossed, opposite[rig.mirror], rig.mirror), opposite, lids, eyeballs, quick, symmetry)
 
     @property
     def partner(self) -> np.ndarray:
