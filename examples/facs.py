@@ -39,6 +39,7 @@ for name, repeats, seed in (("lesson", 3, 0), ("take", 1, 5)):
     rows = [f"{(a + lead) / RATE:.3f},{(b + lead) / RATE:.3f},AU{unit}" for unit, a, b, _ in shown.turns]
     (out / f"{name}.turns.csv").write_text("\n".join(["start,end,unit", *rows, ""]), encoding="utf-8")
     for shot in film_head(truth, helmet, seed=seed, makeup=makeup):
+        print(f"Filming the {name}, camera {shot.name}, {len(take.positions)} frames", flush=True)
         write_video(out / f"{name}.{shot.name}.mp4", shot.frames(), RATE, SIZE, loss=8)
 print((out / "lesson.turns.csv").read_text(encoding="utf-8"))
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING
 
-__version__ = "0.12.1"
+__version__ = "0.12.2"
 
 _HOMES = {
     # records

@@ -61,8 +61,8 @@ def solve_rows(
         in_view = replace(rows, missing=np.zeros_like(rows.missing))  # what will be missing is not known yet
         held = held_shapes(in_view, lasting_noise(noise, noise), kinship, told)
         solved = solve_live(
-            rows, kinship.mirror, rate, noise, symmetry=settings.symmetry, smoothness=settings.smoothness, curves=curves,
-            curve_error=settings.curve_error, held=held,
+            rows, kinship.mirror, rate, noise, symmetry=settings.symmetry, smoothness=settings.smoothness,
+            curves=curves, curve_error=settings.curve_error, held=held,
         )  # fmt: skip
         return _as_answer(rows, noise, held, *solved)
     return solve_learned(

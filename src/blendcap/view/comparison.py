@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -27,6 +27,8 @@ MOST_CURVES = 12
 CHANGED = 0.01  # a weight that changes by less is as it was
 PICTURE = (600, 600)
 PICTURES, APART = 3, 1.0  # frames that are shown, and seconds between them at least
+SAID: dict[str, Any] = {"color": GREEN, "linewidth": 0.8, "linestyle": (0, (3, 2))}
+TRUSTED: dict[str, Any] = {"color": GREEN, "alpha": 0.13, "linewidth": 0}
 HALVES = ("upper", "lower")  # of the face: they hold all other regions
 
 
@@ -65,18 +67,21 @@ def plot_comparison(alone: Solution, hybrid: Solution, patches: Animation | None
         axes.plot(*thinned(theirs.times, theirs.weights[:, theirs.names.index(name)]), color=INK, linewidth=0.8)
         axes.plot(*thinned(ours.times, ours.weights[:, n]), color=BLUE)
         if patches is not None and name in patches.names:
-            said = patches.weights[:, patches.names.index(name)]
-            axes.plot(*thinned(patches.times, said), color=GREEN, linewidth=0.8, linestyle=(0, (3, 2)))
+            column = patches.names.index(name)
+            axes.plot(*thinned(patches.times, patches.weights[:, column]), **SAID)
+            if patches.confidence is not None:
+                axes.fill_between(*thinned(patches.times, patches.confidence[:, column]), **TRUSTED)
         axes.set_title(plain(name), fontsize=8, pad=2)
     for axes in grid.flat[len(order) :]:
         axes.set_visible(False)
     grid[0, 0].set_ylim(-0.03, 1.05)
     figure.supxlabel("seconds", fontsize=8)
-    lines = {"markers alone": (INK, "-"), "hybrid": (BLUE, "-")}
+    axes = grid[0, 0]
+    keys = {"markers alone": axes.plot([], color=INK)[0], "hybrid": axes.plot([], color=BLUE)[0]}
     if patches is not None:
-        lines["what the patches say"] = (GREEN, "--")
-    handles = [axes.plot([], [], color=color, linestyle=dash)[0] for color, dash in lines.values()]
-    figure.legend(handles, list(lines), ncols=3, loc="outside upper right")
+        keys["what the patches say"] = axes.plot([], **SAID)[0]
+        keys["how far that is trusted"] = axes.fill_between([], [], **TRUSTED)
+    figure.legend(list(keys.values()), list(keys), ncols=len(keys), loc="outside upper right")
     return figure
 
 

@@ -75,11 +75,11 @@ def _pictures(videos, setup: Setup, curves: Animation, wanted: Collection[int], 
 
 def _picture(frames: Sequence[np.ndarray], matrices: Sequence[np.ndarray], setup: Setup, curves: Animation, t: int):
     """The cameras two by two, and the bars below."""
-    cameras = two_by_two([_tile(frame, view, setup, matrices[view]) for view, frame in enumerate(frames)])
+    cameras = two_by_two([_tile(frame, view, t, setup, matrices[view]) for view, frame in enumerate(frames)])
     return even(np.vstack([cameras, _bars(curves, t, cameras.shape[1])]))
 
 
-def _tile(frame: np.ndarray, view: int, setup: Setup, matrix: np.ndarray) -> np.ndarray:
+def _tile(frame: np.ndarray, view: int, t: int, setup: Setup, matrix: np.ndarray) -> np.ndarray:
     """A camera's picture with its patches and their names."""
     import cv2
 
@@ -91,6 +91,7 @@ def _tile(frame: np.ndarray, view: int, setup: Setup, matrix: np.ndarray) -> np.
             cv2.polylines(picture, [np.round(moved * 16).astype(np.int32)], True, color, 1, cv2.LINE_AA, 4)
             left, top = (int(n) for n in np.round(moved.min(0)))
             _name(picture, name.replace("_", " "), left, top, color)
+    draw_text(picture, f"camera {view}, frame {t}", (8, 8), height=14, anchor="lt", color=INK)
     return picture
 
 
