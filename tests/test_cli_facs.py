@@ -234,6 +234,10 @@ def test_the_threshold_reaches_the_patches_and_wrong_turns_and_features_do_not(t
     assert main(["facs", "train", "v.mp4", *common, "--turns", str(tmp_path / "late.csv")]) == 1
     said = capsys.readouterr()
     assert "ends after the lesson, which lasts 0.2 s" in said.err and "Cut the patches" not in said.out + said.err
+    (tmp_path / "foreign.csv").write_text("start,end,unit\n0,0.2,AU99\n", encoding="utf-8")
+    assert main(["facs", "train", "v.mp4", *common, "--turns", str(tmp_path / "foreign.csv")]) == 1
+    said = capsys.readouterr()
+    assert "it shows AU99." in said.err and "Cut the patches" not in said.out + said.err
     assert main(["facs", "train", "v.mp4", *common, "--turns", "unused", "--features", "gabbor"]) == 1
     assert "The features 'gabbor' are unknown" in capsys.readouterr().err
     assert main(["facs", "train", "v.mp4", *common, "--turns", str(tmp_path / "t.csv")]) == 1

@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from blendcap.data import Animation
     from blendcap.io.video import Video
     from blendcap.makeup.lesson import Lesson
-    from blendcap.makeup.patches import Patches
     from blendcap.makeup.setup import Setup
 
 MODELS, CURVES, VIDEOS = (".npz",), (".csv", ".npz"), (".mp4",)
@@ -79,13 +78,19 @@ def train(
     """
     from blendcap.io.models import write_model
     from blendcap.makeup.features import check_features
+    from blendcap.makeup.lesson import foreign_turns, regions_of
     from blendcap.makeup.packing import KIND, VERSION, pack
+    from blendcap.makeup.patches import collect
 
     check_outputs([output], MODELS)
     if features is not None:
         check_features(features)
     taught, shapes, progress = by_take(videos, take, turns, weights), table_of(table), Progress(quiet=as_json)
-    patches, lessons = zip(*(_lesson(*files, footage, progress) for files in taught), strict=True)
+    films, setups, lessons = zip(*(_lesson(*files, footage, progress) for files in taught), strict=True)
+    foreign_turns(lessons, regions_of(method), method)  # all refusals come before the long work
+    patches = [
+        collect(blocks(film, setup, footage.threshold, progress)) for film, setup in zip(films, setups, strict=True)
+    ]
     frames = sum(len(cut.sure) for cut in patches)
     with progress.step("train", f"Train on {frames:,} frames"):
         classifier = blendcap.train_classifier(
@@ -117,20 +122,18 @@ def _told_right(regions: dict[str, dict[str, float]]) -> str:
 
 def _lesson(
     videos: Sequence[Path], take: Path, turns: Path, weights: Path | None, footage: Footage, progress: Progress
-) -> tuple[Patches, Lesson]:
-    """The patches of a take, and what the performer did."""
+) -> tuple[list[Video], Setup, Lesson]:
+    """A take's videos, where its patches are, and what the performer did."""
     from blendcap.io import read_animation
     from blendcap.io.turns import read_turns
     from blendcap.makeup.lesson import Lesson
-    from blendcap.makeup.patches import collect
 
     with progress.step("read", f"Read {take}"):
         spans = read_turns(turns)
         solved = None if weights is None else read_animation(weights)
         staged = stage(videos, take, footage)
         films, setup = staged.films, staged.setup(footage.stable)
-        lesson = Lesson.of_spans(spans, films[0].count, films[0].rate, solved)  # refused before the long work
-    return collect(blocks(films, setup, footage.threshold, progress)), lesson
+        return films, setup, Lesson.of_spans(spans, films[0].count, films[0].rate, solved)
 
 
 @facs.command

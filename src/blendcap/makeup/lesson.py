@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -9,6 +10,9 @@ import numpy as np
 
 from blendcap.data import Animation, InputError
 from blendcap.data.names import match
+from blendcap.makeup.units import PAPER_REGIONS, REGIONS, Region, shows
+
+log = logging.getLogger(__name__)
 
 SEEN = 0.5  # confidence from which on a weight is taken for the truth
 
@@ -85,3 +89,51 @@ class Lesson:
                 )
             units[part], repetitions[part] = unit, number
         return cls(units, repetitions, weights)
+
+
+def regions_of(method: str) -> tuple[Region, ...]:
+    """What a method of training tells if nobody says otherwise: single units, or the papers' classes."""
+    return REGIONS if method == "intensity" else PAPER_REGIONS
+
+
+def counts(turn: str, unit: str, method: str) -> bool:
+    """Whether a turn teaches a unit: of classes a frame is in one."""
+    return turn == unit if method == "svm" else shows(turn, unit)
+
+
+def foreign_turns(lessons: Sequence[Lesson], regions: Sequence[Region], method: str) -> list[str]:
+    """What the lessons show that teaches no unit of the regions.
+
+    Raises
+    ------
+    InputError
+        If that is all that they show.
+    """
+    shown, known = _shown(lessons), _known(regions)
+    foreign = sorted(turn for turn in shown if not any(counts(turn, unit, method) for unit in known))
+    if len(foreign) == len(shown):
+        raise InputError(
+            f"The lesson shows none of the units of the regions ({', '.join(known)}); it shows "
+            + (", ".join(foreign) or "nothing")
+            + "."
+        )
+    return foreign
+
+
+def shown_turns(lessons: Sequence[Lesson], regions: Sequence[Region], method: str) -> set[str]:
+    """All that the lessons show; what teaches nothing is named, and if all is such, refused."""
+    foreign = foreign_turns(lessons, regions, method)
+    if foreign:
+        log.warning(
+            "The showings of %s teach none of the units that are told: %s.",
+            ", ".join(foreign), ", ".join(_known(regions)),
+        )  # fmt: skip
+    return _shown(lessons)
+
+
+def _shown(lessons: Sequence[Lesson]) -> set[str]:
+    return {unit for lesson in lessons for unit in lesson.units} - {""}
+
+
+def _known(regions: Sequence[Region]) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(unit for region in regions for unit in region.units))

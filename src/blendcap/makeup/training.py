@@ -14,10 +14,10 @@ from blendcap.makeup.classifier import METHODS, PatchClassifier, RegionModel, ma
 from blendcap.makeup.features import check_features
 from blendcap.makeup.intensity import LEVELS, is_clear, recognized
 from blendcap.makeup.labels import Labels, labeled
-from blendcap.makeup.lesson import Lesson
+from blendcap.makeup.lesson import Lesson, counts, regions_of, shown_turns
 from blendcap.makeup.patches import Patches, flows, laid_over
 from blendcap.makeup.scales import SHOWN, fit_scales, scaled
-from blendcap.makeup.units import ARKIT_TABLE, PAPER_REGIONS, REGIONS, Region, halves, shows
+from blendcap.makeup.units import ARKIT_TABLE, Region, halves
 
 VARIANCE = {"svm": 0.9, "intensity": 0.99}  # of the features, that the principal components keep
 MOST_FRAMES = 800  # from which principal components are taken, about
@@ -77,13 +77,13 @@ def train_classifier(
     if method not in METHODS:
         raise InputError(f"The method {method!r} is unknown; choose one of {', '.join(METHODS)}.")
     takes = _takes(patches, lesson)
-    regions = regions or (REGIONS if method == "intensity" else PAPER_REGIONS)
+    regions = regions or regions_of(method)
+    shown = shown_turns([taught for _, taught in takes], regions, method)
     if kind is not None:
         check_features(kind)
         regions = [region._replace(features=kind) for region in regions]
     if method == "svm":
         takes = [_one_at_a_time(*take, regions) for take in takes]
-    shown = _shown(takes, regions, method)
     models = []
     for region in regions:
         units = tuple(unit for unit in region.units if any(counts(turn, unit, method) for turn in shown))
@@ -94,11 +94,6 @@ def train_classifier(
     used = {name for model in models for name in model.region.patches}
     neutral = {name: picture for name, picture in takes[0][0].neutral.items() if name in used}
     return PatchClassifier(models, neutral, method, relative)
-
-
-def counts(turn: str, unit: str, method: str) -> bool:
-    """Whether a turn teaches a unit: of classes a frame is in one."""
-    return turn == unit if method == "svm" else shows(turn, unit)
 
 
 def _takes(patches: Patches | Sequence[Patches], lesson: Lesson | Sequence[Lesson]) -> list[Take]:
@@ -118,24 +113,6 @@ def _takes(patches: Patches | Sequence[Patches], lesson: Lesson | Sequence[Lesso
         part.of(tuple(goal))
     laid = [many[0], *(laid_over(part, flows(part.neutral, goal)) for part in many[1:])]
     return list(zip(laid, lessons, strict=True))
-
-
-def _shown(takes: Sequence[Take], regions: Sequence[Region], method: str) -> set[str]:
-    """All that the lessons show; what teaches nothing is named, and if all is such, refused."""
-    shown = {unit for _, lesson in takes for unit in lesson.units} - {""}
-    known = tuple(dict.fromkeys(unit for region in regions for unit in region.units))
-    foreign = sorted(turn for turn in shown if not any(counts(turn, unit, method) for unit in known))
-    if len(foreign) == len(shown):
-        raise InputError(
-            f"The lesson shows none of the units of the regions ({', '.join(known)}); it shows "
-            + (", ".join(foreign) or "nothing")
-            + "."
-        )
-    if foreign:
-        log.warning(
-            "The showings of %s teach none of the units that are told: %s.", ", ".join(foreign), ", ".join(known)
-        )
-    return shown
 
 
 def _one_at_a_time(patches: Patches, lesson: Lesson, regions: Sequence[Region]) -> Take:
