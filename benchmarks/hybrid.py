@@ -14,7 +14,7 @@ import argparse
 import logging
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -25,7 +25,7 @@ from blendcap.makeup.curves import _answers, _smoothed
 from blendcap.makeup.intensity import is_clear, recognized
 from blendcap.makeup.scales import scaled
 from blendcap.makeup.training import train_classifier
-from blendcap.makeup.units import PAPER_REGIONS
+from blendcap.makeup.units import PAPER_REGIONS, Region
 from blendcap.numerics.stretches import stretches
 from hybrid_counts import hits
 from hybrid_data import PEOPLE, UNITS, exercise, lessons
@@ -73,15 +73,16 @@ def _measured(
             runs = BRIEF if brief else SOLVES[part][1]
             hybrid(kind, machines, folder, rows, gains, runs, chosen.draws, chosen.jobs)
         elif part == "units":
-            recognition(kind, machines, folder, rows)
+            kept = train_classifier(*lessons(kind, folder), relative=False)
+            recognition(kind, machines | {"intensity, neutral kept": kept}, folder, rows, gains)
         else:
             failures(kind, machines, folder, rows)
     if part in SOLVES:
         title = SOLVES[part][0] + ", in brief" * brief
         return title, command, SOLVE_TEXT + "\n".join(rows) + GAINS_TEXT + "\n".join(gains)
-    title, text = {"units": ("Action units from makeup patches", UNITS_TEXT),
-                   "flaws": ("The hybrid solve when things go wrong", FLAW_TEXT)}[part]  # fmt: skip
-    return title, command, text + "\n".join(rows)
+    if part == "units":
+        return "Action units from makeup patches", command, UNITS_TEXT + "\n".join(rows) + TAKEN_TEXT + "\n".join(gains)
+    return "The hybrid solve when things go wrong", command, FLAW_TEXT + "\n".join(rows)
 
 
 def _trained(kind: str, folder: Path, methods: Sequence[str]) -> dict[str, PatchClassifier]:
@@ -99,7 +100,8 @@ the performer, or not even that.
 gets, so judge a machine by what it gets above that, by recall, and by "worst".
 "level": the worst region's part of frames in which the intensity is told within 0.25, too. "45" and "6+43": precision
 and recall, and in brackets where a unit may be told two frames early or late. "worst": the correlation of told and
-true intensity of the unit that is told worst. "svm" is the papers' machine, "intensity" the default, whose 6+43 is a 45
+true intensity of the unit that is told worst, and which that is. "neutral kept": trained and used without taking the
+features of the performer's own neutral frame off. "svm" is the papers' machine, "intensity" the default, whose 6+43 is a 45
 with much AU6 (closing by closing, told before the units' scales; the two kinds of a take are told apart by where they
 part) and whose sideways pucker is the geometric mean of 10, 12 and 18; how much was set on the lessons, on other takes
 of the teachers, and on mannequins 5 and 6 and ICT 104, who are not tested.
@@ -108,25 +110,37 @@ of the teachers, and on mannequins 5 and 6 and ICT 104, who are not tested.
 |---|---|---|---|---|---|---|---|---|---|---|---|---|
 """
 
+TAKEN_TEXT = """
 
-def recognition(kind: str, trained: dict[str, PatchClassifier], folder: Path, rows: list[str]) -> None:
+What the default takes for what ("intensity", laid over by region), in frames that are plainly at rest or plainly not:
+
+| face | take | region | shown | told as |
+|---|---|---|---|---|
+"""
+
+
+def recognition(
+    kind: str, trained: dict[str, PatchClassifier], folder: Path, rows: list[str], taken: list[str]
+) -> None:
     """Trained on the teacher, tested on everybody."""
     teacher, *others = PEOPLE[kind]
     for name, person in (("teacher, unseen take", teacher), *((f"person {p}", p) for p in others)):
         test, amounts = exercise(kind, person, folder)
         rows.append(f"| {kind} | {name} | always at rest | | {_recognized(np.zeros_like(amounts), amounts)} | |")
         for method, classifier in trained.items():
-            for aligned in (None, True, False) if method == "intensity" else (True, False):
+            for aligned in {"intensity": (None, True, False), "svm": (True, False)}.get(method, (None,)):
                 start = time.process_time()
                 bare, _, rate = _answers(_unscaled(classifier), [test.patches], aligned)
                 scales = np.concatenate([model.scales for model in classifier.models])
-                told = scaled(bare, scales) if method == "intensity" else bare
+                told = bare if method == "svm" else scaled(bare, scales)
                 told, bare = (np.minimum(_smoothed(part, classifier, rate), 1) for part in (told, bare))
                 speed = len(told) / (time.process_time() - start)
                 said = _as_classes(*(dict(zip(classifier.units, part.T, strict=True)) for part in (told, bare)))
                 over, cells = {None: "by region", True: "yes", False: "no"}[aligned], _recognized(said, amounts)
                 rows.append(f"| {kind} | {name} | {method} | {over} | {cells} | {speed:.0f} |")
                 print(rows[-1], flush=True)
+                if method == "intensity" and aligned is None:
+                    taken += [f"| {kind} | {name} | {row} |" for row in _taken(said, amounts)]
 
 
 def _unscaled(classifier: PatchClassifier) -> PatchClassifier:
@@ -185,21 +199,40 @@ def squeezed_from(ratios: Sequence[float]) -> float:
     return float(np.exp(np.mean(middles))) if middles[1] - middles[0] > np.log(APART) else SQUEEZED
 
 
-def _recognized(said: np.ndarray, true: np.ndarray) -> str:
-    """Cells: right by region, right with intensity, precision and recall of AU45 and AU6+43, the worst correlation."""
-    cells, level, shut = [], [], []
+def _taken(said: np.ndarray, true: np.ndarray) -> list[str]:
+    """Cells region, unit that is shown, and frames told as it and as others."""
+    rows = []
+    for region, told, asked in _answers_of(said, true):
+        names = ("rest", *region.units)
+        for k, name in enumerate(names, -1):
+            counts = np.bincount(told[asked == k] + 1, minlength=len(names))
+            order = sorted(np.flatnonzero(counts), key=lambda n: (n != k + 1, -counts[n]))
+            rows.append(f"{region.name} | {name} | {', '.join(f'{names[n]} {counts[n]}' for n in order)}")
+    return rows
+
+
+def _answers_of(said: np.ndarray, true: np.ndarray) -> Iterator[tuple[Region, np.ndarray, np.ndarray]]:
+    """Each region, and the units told and shown in its clear frames; -1 is rest."""
     for region in PAPER_REGIONS:
         columns = [UNITS.index(unit) for unit in region.units]
         clear = is_clear(true[:, columns])
+        yield region, recognized(said[clear][:, columns]), recognized(true[clear][:, columns])
+
+
+def _recognized(said: np.ndarray, true: np.ndarray) -> str:
+    """Cells: right by region, right with intensity, precision and recall of AU45 and AU6+43, the worst correlation."""
+    cells, level, shut = [], [], []
+    for region, told, asked in _answers_of(said, true):
+        columns = [UNITS.index(unit) for unit in region.units]
+        clear = is_clear(true[:, columns])
         ours, theirs = said[clear][:, columns], true[clear][:, columns]
-        told, asked = recognized(ours), recognized(theirs)
         cells.append(f"{(told == asked).mean():.3f}")
         level.append(((told == asked) & (np.abs(ours - theirs).max(1) < NEAR)).mean())
         if region.name == "eyes":
             shut = [hits(told == k, asked == k) for k in map(region.units.index, ("AU45", "AU6+43"))]
-    pairs = zip(said.T, true.T, strict=True)
-    worst = min(np.corrcoef(ours, theirs)[0, 1] if ours.std() > 0 else 0.0 for ours, theirs in pairs)
-    return " | ".join([*cells, f"{min(level):.3f}", *shut, f"{worst:.2f}"])
+    pairs = zip(said.T, true.T, UNITS, strict=True)
+    worst = min((np.corrcoef(ours, theirs)[0, 1] if ours.std() > 0 else 0.0, unit) for ours, theirs, unit in pairs)
+    return " | ".join([*cells, f"{min(level):.3f}", *shut, f"{worst[0]:.2f} ({worst[1]})"])
 
 
 if __name__ == "__main__":

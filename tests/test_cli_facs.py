@@ -13,18 +13,19 @@ from scipy.spatial.transform import Rotation
 
 import blendcap
 from blendcap.cli import main
-from blendcap.cli.facs import _told_right
 from blendcap.cli.facs_inputs import Filmed, _check_films, blocks
 from blendcap.cli.facs_inputs import stage as read_stage
+from blendcap.cli.left_out import left_out_in_words
 from blendcap.cli.progress import Progress
 from blendcap.data import Camera, InputError, landmarks68
+from blendcap.data.names import ARKIT52
 from blendcap.io import read_video, write_video
 from blendcap.io.cameras import read_cameras, write_cameras
-from blendcap.io.models import write_model
+from blendcap.io.models import read_model, write_model
 from blendcap.io.turns import read_turns
 from blendcap.makeup.classifier import PatchClassifier, RegionModel
 from blendcap.makeup.lesson import Lesson
-from blendcap.makeup.packing import KIND, VERSION, pack
+from blendcap.makeup.packing import KIND, VERSION, pack, unpack
 from blendcap.makeup.patches import Patches
 from blendcap.makeup.setup import HOLD, Setup, _hidden, locate
 from blendcap.makeup.stabilization import held
@@ -45,7 +46,7 @@ from toy_makeup import REGION, perform
 RATE, SIZE = 15.0, (480, 360)
 UNITS = ("1+2", "45")
 REST = RegionModel(
-    Region("brows", (), ("AU4",)), np.zeros((1, 1), dtype=np.float32), np.zeros(1), np.zeros((0, 2), dtype=int),
+    Region("brows", (), ("AU4",)), np.zeros((1, 0), dtype=np.float32), np.zeros(1), np.zeros((0, 2), dtype=int),
     np.zeros(2), np.ones((0, 2)), np.zeros(1), np.ones((1, 2)),
 )  # fmt: skip
 LIDS = ("eyeBlinkLeft", "eyeBlinkRight")
@@ -83,7 +84,7 @@ def stage(rig, tmp_path_factory) -> Path:
 
 def staged(films: list, setup: Setup) -> SimpleNamespace:
     """A stage of ready parts."""
-    return SimpleNamespace(films=films, setup=lambda _: setup)
+    return SimpleNamespace(films=films, setup=lambda _: setup, rig=SimpleNamespace(name="toy", names=ARKIT52))
 
 
 def videos(folder: Path, name: str) -> list[str]:
@@ -224,6 +225,24 @@ def test_options_of_a_prediction_reach_the_curves(weak, tmp_path, capsys):
     assert quiet.confidence[0].max() < 0.05 < default.confidence[0].max()
 
 
+def test_predictions_do_not_overwrite_what_they_read_and_say_which_shapes_the_rig_lacks(weak, tmp_path, capsys):
+    command, *_ = weak
+    model = tmp_path / "m.npz"
+    before = model.read_bytes()
+    assert main([*command, "-o", str(model)]) == 1
+    assert "it is an input too" in capsys.readouterr().err and model.read_bytes() == before
+    units = unpack(*read_model(model, KIND, VERSION)).units
+    table = tmp_path / "t.json"
+    table.write_text(json.dumps({unit: {"tail": 1.0} for unit in units}), encoding="utf-8")
+    assert main([*command, "-o", str(tmp_path / "c.npz"), "--table", str(table)]) == 0
+    said = " ".join(capsys.readouterr().err.split())
+    assert "The rig 'toy' has no shape for what these units move" in said and f"tail ({units[0]})" in said
+    for weight in (0, -1, float("nan"), float("inf")):
+        table.write_text(json.dumps({"AU4": {"browDownLeft": weight}}), encoding="utf-8")
+        assert main([*command, "-o", str(tmp_path / "c.npz"), "--table", str(table)]) == 1
+        assert "their weights above 0" in capsys.readouterr().err
+
+
 def test_the_threshold_reaches_the_patches_and_wrong_turns_and_features_do_not(tmp_path, monkeypatch, capsys):
     film = SimpleNamespace(count=3, size=SIZE, rate=RATE, frames=lambda grey: iter([]))
     monkeypatch.setattr("blendcap.cli.facs.stage", lambda *_: staged([film], Setup({}, [np.zeros((0, 2))], [])))
@@ -238,6 +257,18 @@ def test_the_threshold_reaches_the_patches_and_wrong_turns_and_features_do_not(t
     assert main(["facs", "train", "v.mp4", *common, "--turns", str(tmp_path / "foreign.csv")]) == 1
     said = capsys.readouterr()
     assert "it shows AU99." in said.err and "Cut the patches" not in said.out + said.err
+    assert main(["facs", "train", "v.mp4", *common, "--turns", str(tmp_path / "t.csv")]) == 1
+    said = capsys.readouterr()
+    assert "shows each unit only once" in said.err and "Cut the patches" not in said.out + said.err
+    (tmp_path / "t.csv").write_text("start,end,unit\n0,0.08,AU4\n0.1,0.2,AU4\n", encoding="utf-8")
+    strange = blendcap.Animation(np.ones((3, 1)), ("tail",), RATE)
+    blendcap.write_animation(tmp_path / "w.npz", strange)
+    weighed = ["--turns", str(tmp_path / "t.csv"), "--weights", str(tmp_path / "w.npz")]
+    assert main(["facs", "train", "v.mp4", *common, *weighed]) == 1
+    said = capsys.readouterr()
+    assert "tell of none of its units (AU4L, AU4R)" in said.err and "Cut the patches" not in said.out + said.err
+    assert main(["facs", "train", "v.mp4", *common, "--turns", "unused", "--warps", "-1"]) == 1
+    assert "--warps is -1, but must be 0 or more" in capsys.readouterr().err
     assert main(["facs", "train", "v.mp4", *common, "--turns", "unused", "--features", "gabbor"]) == 1
     assert "The features 'gabbor' are unknown" in capsys.readouterr().err
     assert main(["facs", "train", "v.mp4", *common, "--turns", str(tmp_path / "t.csv")]) == 1
@@ -260,11 +291,14 @@ def test_lost_still_points_are_said(monkeypatch, caplog, lost, said):
 
 def test_a_trained_machine_says_its_shares_in_words():
     scores = {"unit": 0.99, "unit, all frames": 0.9, "unit and intensity": 0.5}
-    said = _told_right({"eyes": scores, "mouth": scores | {"unit": 0.25}})
-    assert said == (
-        "eyes 99% of the clear frames told right, 90% of all, 50% with the intensity; "
-        "mouth 25% of the clear frames told right, 90% of all, 50% with the intensity"
-    )
+    answers, frames = ("rest", "AU4"), np.array([[98, 2], [1, 9]])
+    eyes = replace(REST, region=REST.region._replace(name="eyes"), scores=scores, answers=answers, confusion=frames)
+    mouth = replace(eyes, region=eyes.region._replace(name="mouth"), scores=scores | {"unit": 0.25}, answers=())
+    assert left_out_in_words(PatchClassifier([eyes, mouth], {})) == {
+        "left_out": "eyes 99% of the clear frames told right, 90% of all, 50% with the intensity; "
+        "mouth 25% of the clear frames told right, 90% of all, 50% with the intensity",
+        "mixed_up": "AU4 told as rest in 1 of 10 frames",  # 2 % of the frames of rest are no more than 2 %
+    }
 
 
 def test_cameras_come_back_from_their_file(tmp_path):

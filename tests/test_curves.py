@@ -208,3 +208,10 @@ def test_the_edge_of_a_gap_pulls_toward_nothing():
     said = there.confidence[:, 0] > 0
     np.testing.assert_allclose(there.targets[said, 0], 1)
     assert not there.confidence[8:11, 0].any() and 0 < there.confidence[7, 0] < 1
+
+
+@pytest.mark.parametrize(("most", "said"), [(1.0, False), (1.4, False), (100.0, True)])
+def test_curves_in_percent_are_said(caplog, most, said):
+    curves = Animation(np.array([[0.0], [most], [np.nan]]), ("jawOpen",), 30.0)
+    assert curves_for(("jawOpen",), curves, np.arange(3) / 30).targets.max() == 1
+    assert ("if they are in percent" in caplog.text) == said

@@ -20,8 +20,9 @@ from blendcap.makeup.lesson import Lesson
 from blendcap.makeup.packing import KIND, VERSION, pack, unpack
 from blendcap.makeup.patches import Patches, flows, laid_over
 from blendcap.makeup.training import train_classifier
-from blendcap.makeup.units import Region, halves, shows
-from toy_makeup import REGION, draw, perform
+from blendcap.makeup.units import Region, shown_as_one, shows
+from blendcap.view.confusion import plot_confusion
+from toy_makeup import RATE, REGION, draw, perform
 
 TABLE = {"AU1+2": {"browInnerUp": 1.0}, "AU4": {"browDownLeft": 0.5}, "AU9": {"noseSneerLeft": 1.0}}
 
@@ -322,11 +323,14 @@ def test_of_long_lessons_copies_take_every_so_many_frames(lesson, monkeypatch):
     assert train_classifier(patches, shown, regions=[REGION]).models[0].scores["unit"] > 0.9
 
 
-def test_what_a_turn_shows_and_which_units_are_halves_of_one():
+def test_what_a_turn_shows_and_which_units_only_ever_come_together():
     assert shows("AU1+2+5", "AU2L") and shows("AU6+43", "AU45R") and shows("AU45L", "AU45L") and shows("AU10L", "AU10")
     assert not shows("AU45L", "AU45R") and not shows("AU4", "AU1") and not shows("AU1", "AU1+2")
     units = ("AU1", "AU2L", "AU2R", "AU10L", "AU10R")
-    assert halves(units, {"AU1+2", "AU10L", "AU10R"}) == {"AU1": [0], "AU2": [1, 2], "AU10L": [3], "AU10R": [4]}
+    assert shown_as_one(units, {"", "AU1+2", "AU10L", "AU10R"}) == {"AU1+2": [0, 1, 2], "AU10L": [3], "AU10R": [4]}
+    assert shown_as_one(units, {"AU1+2", "AU1", "AU10"}) == {"AU1": [0], "AU2": [1, 2], "AU10": [3, 4]}
+    assert shown_as_one(("AU10L", "AU12L"), {"AU10+12L"}) == {"AU10+12L": [0, 1]}
+    assert shown_as_one(("AU6+43", "AU45"), {"AU6+43", "AU45"}) == {"AU6+43": [0], "AU45": [1]}
 
 
 def test_warped_copies_differ_a_little_and_are_the_same_for_a_seed(lesson):
@@ -399,6 +403,24 @@ def test_a_frozen_film_and_a_showing_of_a_moment_are_refused(lesson):
         train_classifier(patches, Lesson(brief, shown.repetitions), regions=[REGION])
 
 
+def test_weights_that_do_not_tell_a_unit_are_named_and_refused_if_they_tell_none(lesson, caplog):
+    patches, shown, truth = lesson
+    told = Lesson(shown.units, shown.repetitions, Animation(truth[:, 1:2], ("frown",), RATE))
+    table = {"AU1+2": {"lift": 1.0}, "AU4": {"frown": 1.0}, "AU9": {"sneer": 1.0}}
+    train_classifier(patches, told, regions=[REGION], table=table)
+    assert "do not tell how strongly AU1+2, AU9 are shown, and the pictures must" in caplog.text
+    with pytest.raises(InputError, match=r"tell of none of its units \(AU1\+2, AU4, AU9\)"):
+        train_classifier(patches, told, regions=[REGION], table={"AU4": {"grin": 1.0}})
+
+
+def test_what_is_taken_for_what_is_drawn(trained):
+    figure = plot_confusion(trained)
+    (axes,) = [axes for axes in figure.axes if axes.get_visible()]
+    counts = trained.models[0].confusion
+    assert [t.get_text() for t in axes.texts] == [f"{count:,}" for count in counts.ravel() if count]
+    assert [t.get_text() for t in axes.get_yticklabels()] == ["rest", *REGION.units]
+
+
 def test_showings_of_unknown_units_are_named(lesson, caplog):
     patches, shown, _ = lesson
     units = shown.units.astype(object)
@@ -421,6 +443,7 @@ def test_a_classifier_comes_back_from_its_file(trained, tmp_path):
         np.testing.assert_allclose(ours, theirs, atol=1e-6)
     assert again.units == trained.units and again.models[0].scores == trained.models[0].scores
     np.testing.assert_array_equal(again.models[0].confusion, trained.models[0].confusion)
+    assert again.models[0].answers == trained.models[0].answers == ("rest", *REGION.units)
 
 
 def test_damaged_classifiers_are_refused(trained, tmp_path):
@@ -439,5 +462,13 @@ def test_damaged_classifiers_are_refused(trained, tmp_path):
     for wrong in (np.ones((3, 1)), np.full((3, 2), np.inf), np.full((3, 2), np.nan)):
         with pytest.raises(InputError, match="does not fit together"):
             unpack(meta, arrays | {"0:scales": wrong})
+    wider = np.hstack([arrays["0:weights"], arrays["0:weights"][:, :1]])
+    text, wrong_way = arrays["0:weights"].astype(str), arrays["0:coverage"][:, ::-1]
+    for name, value in (("weights", wider), ("weights", text), ("coverage", wrong_way), ("errors", -np.ones(3))):
+        with pytest.raises(InputError, match="does not fit together"):
+            unpack(meta, arrays | {f"0:{name}": value})
+    for picture in (np.zeros((3, 3, 3), np.uint8), np.full((44, 56), np.nan), np.zeros((0, 0), np.uint8)):
+        with pytest.raises(InputError, match="does not fit together"):
+            unpack(meta, arrays | {"neutral:forehead": picture})
     with pytest.raises(InputError, match="damaged"):
         unpack(meta, {key: value for key, value in arrays.items() if key != "0:offsets"})

@@ -10,10 +10,10 @@ from scipy.spatial.transform import Rotation
 
 from blendcap.data import Animation, Binding, Certificate, InputError, Mesh, Rig, Solution, SurfacePoints, triangulate
 from blendcap.view import Film, plots, write_comparison, write_plot, write_report
-from blendcap.view.comparison import comparison
+from blendcap.view.comparison import comparison, plot_conflict
 from blendcap.view.comparison import plot_comparison as plots_of
 from blendcap.view.concerns import concerns
-from blendcap.view.style import inline_svg, thinned
+from blendcap.view.style import inline_svg, plain, thinned
 
 NASTY = '<b onclick="x">&\'$a$'
 FRAMES, MARKERS = 40, 6
@@ -320,8 +320,15 @@ def test_the_markers_alone_stand_beside_the_hybrid_solve(rig, solution, tmp_path
     weights[20:24, 0] += 0.4
     changed = replace(solution.animation, weights=weights)
     patches = Animation(weights[:, :1], rig.names[:1], 30.0)
-    hybrid = replace(solution, animation=changed)
+    conflict = np.zeros_like(weights)
+    conflict[[2, 38], [1, 2]] = 0.6, 0.3
+    hybrid = replace(solution, animation=changed, conflict=conflict)
+    (axes,) = plot_conflict(hybrid).axes
+    frames = [f"{plain(rig.names[1])}, frame 2", f"{plain(rig.names[2])}, frame 38"]
+    assert [text.get_text() for text in axes.texts] == frames and axes.get_ylim()[1] > 0.6
     html = comparison(rig, solution, hybrid, patches)
+    assert "not what the patches say" in html
+    assert "not what the patches say" not in comparison(rig, solution, replace(hybrid, conflict=None))
     assert re.search(r"Frame 2[0-3], ", html) and html.count("<img") == 1  # no other is a second away
     assert "mouthLeft" in html and "mouthRight" not in html  # which did not change
     write_report(tmp_path / "r.html", rig, hybrid, alone=solution, patches=patches)

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import App, Parameter
 
 import blendcap
 from blendcap.cli.answers import AsJson, print_json, print_lines
-from blendcap.cli.facs_inputs import Footage, blocks, by_take, stage, table_of
+from blendcap.cli.facs_inputs import Footage, blocks, by_take, check_shapes, stage, table_of
 from blendcap.cli.facs_track import track
+from blendcap.cli.left_out import left_out, left_out_in_words
 from blendcap.cli.outputs import PICTURES, check_outputs
 from blendcap.cli.progress import Progress
 
@@ -44,6 +45,7 @@ def train(
     features: str | None = None,
     warps: int = 0,
     seed: int = 0,
+    picture: Path | None = None,
     as_json: AsJson = False,
 ) -> None:
     """Train a classifier on one performer who shows each action unit four or five times.
@@ -73,21 +75,29 @@ def train(
         Randomly warped copies of the training pictures that are added.
     seed
         Of clusters and warps.
+    picture
+        A .png of which unit was taken for which in showings that were left out of the training.
     as_json
         Print the answer as JSON.
     """
     from blendcap.io.models import write_model
     from blendcap.makeup.features import check_features
-    from blendcap.makeup.lesson import foreign_turns, regions_of
+    from blendcap.makeup.lesson import check_lessons, regions_of
     from blendcap.makeup.packing import KIND, VERSION, pack
     from blendcap.makeup.patches import collect
+    from blendcap.view.confusion import plot_confusion
+    from blendcap.view.style import write_plot
 
-    check_outputs([output], MODELS)
+    read = (*videos, *take, *turns, *weights, table, footage.cameras, footage.rig, footage.correspondences)
+    check_outputs([output], MODELS, read)
+    check_outputs([picture], PICTURES, read)
+    if warps < 0:
+        raise blendcap.InputError(f"--warps is {warps}, but must be 0 or more.")
     if features is not None:
         check_features(features)
     taught, shapes, progress = by_take(videos, take, turns, weights), table_of(table), Progress(quiet=as_json)
     films, setups, lessons = zip(*(_lesson(*files, footage, progress) for files in taught), strict=True)
-    foreign_turns(lessons, regions_of(method), method)  # all refusals come before the long work
+    check_lessons(lessons, regions_of(method), method, shapes)  # all refusals come before the long work
     patches = [
         collect(blocks(film, setup, footage.threshold, progress)) for film, setup in zip(films, setups, strict=True)
     ]
@@ -98,26 +108,12 @@ def train(
         )
     with progress.step("write", f"Write {output}"):
         write_model(output, KIND, VERSION, *pack(classifier))
-    facts: dict[str, Any] = {
-        "frames": frames,
-        "units": list(classifier.units),
-        "left_out": {model.region.name: dict(model.scores) for model in classifier.models},
-        "seconds": progress.seconds,
-    }
-    if as_json:
-        print_json(facts)
-    else:
-        print_lines({key: _told_right(value) if key == "left_out" else value for key, value in facts.items()})
-
-
-def _told_right(regions: dict[str, dict[str, float]]) -> str:
-    """Of showings that were left out of the training, the share of frames that were told right, region by region."""
-    said = [
-        f"{name} {scores['unit']:.0%} of the clear frames told right, {scores['unit, all frames']:.0%} of all, "
-        f"{scores['unit and intensity']:.0%} with the intensity"
-        for name, scores in regions.items()
-    ]
-    return "; ".join(said)
+    if picture is not None:
+        with progress.step("picture", f"Write {picture}"):
+            write_plot(picture, plot_confusion(classifier))
+    said = left_out(classifier) if as_json else left_out_in_words(classifier)
+    facts = {"frames": frames, "units": list(classifier.units), **said, "seconds": progress.seconds}
+    (print_json if as_json else print_lines)(facts)
 
 
 def _lesson(
@@ -181,13 +177,15 @@ def predict(
     from blendcap.io.models import read_model
     from blendcap.makeup.packing import KIND, VERSION, unpack
 
+    read = (*videos, take, model, table, footage.cameras, footage.rig, footage.correspondences)
     for path, endings in ((output, CURVES), (overlay, VIDEOS), (picture, PICTURES)):
-        check_outputs([path], endings)
+        check_outputs([path], endings, read)
     progress = Progress(quiet=as_json)
     with progress.step("read", "Read the model, the rig and the take"):
         classifier = unpack(*read_model(model, KIND, VERSION))
         shapes = table_of(table)
         staged = stage(videos, take, footage)
+        check_shapes(staged.rig, shapes, classifier.units)
         films, setup = staged.films, staged.setup(footage.stable).only(classifier.neutral)
     cut = blocks(films, setup, footage.threshold, progress)
     curves = blendcap.classify(classifier, cut, table=shapes, everywhere=everywhere, full_blinks=full_blinks)

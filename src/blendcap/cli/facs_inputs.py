@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple
@@ -163,11 +164,30 @@ def table_of(path: Path | None) -> Mapping[str, Mapping[str, float]]:
         return ARKIT_TABLE
     table = read_json(path)
     fits = isinstance(table, dict) and all(
-        isinstance(shapes, dict) and all(isinstance(w, int | float) for w in shapes.values())
+        isinstance(shapes, dict) and all(isinstance(w, int | float) and 0 < w < math.inf for w in shapes.values())
         for shapes in table.values()
     )
     if not fits:
         raise blendcap.InputError(
-            f'{path} must be a JSON object from units to shapes, such as {{"AU4": {{"browLower_L": 1.0}}}}.'
+            f"{path} must be a JSON object from units to shapes and their weights above 0, such as "
+            '{{"AU4": {{"browLower_L": 1.0}}}}; leave a unit without a shape empty: {{"AU4": {{}}}}.'
         )
     return table
+
+
+def check_shapes(rig: Rig, table: Mapping[str, Mapping[str, float]], units: Sequence[str]) -> None:
+    """Say which units move shapes that the rig has not: a solve would refuse their curves."""
+    from blendcap.data.names import match
+
+    wanted = {unit: tuple(table.get(unit, {})) for unit in units}
+    lacking = [
+        f"{shape} ({unit})"
+        for unit, shapes in wanted.items()
+        for shape in shapes
+        if shape not in match(shapes, rig.names)
+    ]
+    if lacking:
+        log.warning(
+            'The rig %r has no shape for what these units move, and a solve will refuse their curves: %s. Give --table '
+            'with the rig\'s own shapes, or none for a unit that it lacks: {"AU1": {}}.', rig.name, ", ".join(lacking),
+        )  # fmt: skip

@@ -26,9 +26,15 @@ def info(
     as_json
         Print the answer as JSON.
     """
+    from blendcap.cli.left_out import left_out, left_out_in_words
     from blendcap.io import describe
+    from blendcap.io.models import read_model
+    from blendcap.makeup.packing import KIND, VERSION, unpack
 
     facts = describe(file, unit, of_take=_filled)
+    if facts["kind"] == "model" and facts["of"] == KIND:
+        classifier = unpack(*read_model(file, KIND, VERSION))
+        facts |= left_out(classifier) if as_json else left_out_in_words(classifier)
     if as_json:
         print_json(facts)
     else:

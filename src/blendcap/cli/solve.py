@@ -20,7 +20,9 @@ from blendcap.cli.solve_inputs import Given, Inputs
 PLACES_SIZE = (1920, 1080)  # room for the names of the markers
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
+
+    import numpy as np
 
     from blendcap import SolveSettings
     from blendcap.data import Animation, Binding, MarkerTake, Rig, Solution
@@ -135,7 +137,7 @@ def _say(facts: dict[str, Any], doubts: list[str], files: list[Path], as_json: b
     if as_json:
         print_json(facts | {"look_twice": doubts, "files": written})
         return
-    not_here = ("rms_mm_per_marker", "unseen", *([] if facts["left_out"] else ["left_out"]))
+    not_here = ("rms_mm_per_marker", "unseen", "conflict", *([] if facts["left_out"] else ["left_out"]))
     print_lines({k: v for k, v in facts.items() if k not in not_here} | {"wrote": ", ".join(written)})
     for doubt in doubts:
         print(f"look twice: {doubt}")
@@ -233,5 +235,15 @@ def summary(take: MarkerTake, solution: Solution, progress: Progress) -> dict[st
         "max_kkt": solution.certificate.max_kkt,
         "converged": solution.certificate.converged,
         "unseen": list(solution.unseen),
+        **({} if solution.conflict is None else {"conflict": _conflict(solution.animation.names, solution.conflict)}),
         "seconds": progress.seconds,
+    }
+
+
+def _conflict(names: Sequence[str], conflict: np.ndarray) -> dict[str, Any]:
+    """How far the answer is from what the patches say, by their trust: of shapes in the mean, of frames the worst."""
+    return {
+        "shapes": dict(zip(names, conflict.mean(0).tolist(), strict=True)),
+        "frames": conflict.max(1).tolist(),
+        "worst_shape": [names[n] for n in conflict.argmax(1)],
     }

@@ -47,8 +47,9 @@ class RegionModel:
     scores : {name: float}
         Accuracies on repetitions that were left out.
     confusion : (H + 1, H + 1) int
-        Frames by true unit (rows; at rest first) and answered unit, left out of the training; two sides that are shown
-        together are one.
+        Frames by true unit (rows; at rest first) and answered unit, left out of the training.
+    answers : (H + 1,) str
+        Names of its rows and columns: "rest", and units; those that only ever come together are one.
     """
 
     region: Region
@@ -61,6 +62,7 @@ class RegionModel:
     scales: np.ndarray
     scores: Mapping[str, float] = field(default_factory=dict)
     confusion: np.ndarray = field(default_factory=lambda: np.zeros((0, 0), dtype=int))
+    answers: tuple[str, ...] = ()
 
     def answer(self, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Intensity (T, U), of which 1 and more is full, of each unit, and how probable each is to be right (T, U)."""

@@ -120,8 +120,59 @@ def foreign_turns(lessons: Sequence[Lesson], regions: Sequence[Region], method: 
     return foreign
 
 
-def shown_turns(lessons: Sequence[Lesson], regions: Sequence[Region], method: str) -> set[str]:
+def untold_units(
+    lessons: Sequence[Lesson], regions: Sequence[Region], method: str, table: Mapping[str, Mapping[str, float]]
+) -> list[str]:
+    """Units that lessons with weights show, and of which those weights tell nothing.
+
+    Raises
+    ------
+    InputError
+        If they tell of none.
+    """
+    asked, untold = set(), set()
+    for lesson in (lesson for lesson in lessons if lesson.weights is not None):
+        turns = _shown([lesson])
+        own = {unit for unit in _known(regions) if any(counts(turn, unit, method) for turn in turns)}
+        asked |= own
+        untold |= {unit for unit in own if np.isnan(lesson.intensity(table.get(unit, {}))).all()}
+    if asked and untold == asked:
+        raise InputError(
+            f"The lesson's weights tell of none of its units ({', '.join(sorted(asked))}) how strongly it is shown: "
+            "they have other shapes, or trust none; give the solved take of the lesson, or a table from units to its "
+            "shapes."
+        )
+    return sorted(untold)
+
+
+def check_lessons(
+    lessons: Sequence[Lesson], regions: Sequence[Region], method: str, table: Mapping[str, Mapping[str, float]]
+) -> None:
+    """Refuse, before any film is looked at, lessons of which nothing could be learned.
+
+    Raises
+    ------
+    InputError
+        If they show no unit of the regions, each unit only once, or their weights tell of none.
+    """
+    foreign_turns(lessons, regions, method)
+    untold_units(lessons, regions, method, table)
+    showings = {(k, n): turn for k, lesson in enumerate(lessons)
+                for n, turn in zip(lesson.repetitions, lesson.units, strict=True) if turn}  # fmt: skip
+    if len(set(showings.values())) == len(showings):
+        raise InputError("The lesson shows each unit only once; let the performer repeat it 4 times.")
+
+
+def shown_turns(
+    lessons: Sequence[Lesson], regions: Sequence[Region], method: str, table: Mapping[str, Mapping[str, float]]
+) -> set[str]:
     """All that the lessons show; what teaches nothing is named, and if all is such, refused."""
+    untold = untold_units(lessons, regions, method, table)
+    if untold:
+        log.warning(
+            "The lesson's weights do not tell how strongly %s are shown, and the pictures must: the shapes are not "
+            "there, or no marker saw them.", ", ".join(untold),
+        )  # fmt: skip
     foreign = foreign_turns(lessons, regions, method)
     if foreign:
         log.warning(

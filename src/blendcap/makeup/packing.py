@@ -9,7 +9,7 @@ import numpy as np
 
 from blendcap.data import InputError
 from blendcap.makeup.classifier import METHODS, PatchClassifier, RegionModel
-from blendcap.makeup.features import check_features
+from blendcap.makeup.features import check_features, features
 from blendcap.makeup.units import Region
 
 KIND, VERSION = "patch classifier", 4
@@ -21,7 +21,7 @@ def pack(classifier: PatchClassifier) -> tuple[dict[str, Any], dict[str, np.ndar
     arrays = {f"neutral:{name}": picture for name, picture in classifier.neutral.items()}
     for i, model in enumerate(classifier.models):
         arrays |= {f"{i}:{name}": np.asarray(getattr(model, name)) for name in _ARRAYS}
-    regions = [m.region._asdict() | {"scores": dict(m.scores)} for m in classifier.models]
+    regions = [m.region._asdict() | {"scores": dict(m.scores), "answers": m.answers} for m in classifier.models]
     meta = {
         "method": classifier.method, "relative": classifier.relative, "regions": regions, "units": classifier.units,
         "unit": "intensity, 1 is full",
@@ -56,14 +56,16 @@ def _model(i: int, entry: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -
     region = Region(str(entry["name"]), patches, units, str(entry["features"]), bool(entry["aligned"]))
     values = {name: arrays[f"{i}:{name}"] for name in _ARRAYS}
     scores = {str(name): float(score) for name, score in entry["scores"].items()}
-    return RegionModel(region, **values, scores=scores)
+    return RegionModel(region, **values, scores=scores, answers=tuple(map(str, entry.get("answers", ()))))
 
 
 def _check(model: RegionModel, method: str, neutral: Mapping[str, np.ndarray]) -> None:
     units, classes = len(model.region.units), len(model.classes)
     rows = classes * (classes - 1) // 2 if method == "svm" else units
+    numbers = (model.weights, model.offsets, model.trust, model.errors, model.scales, model.coverage)
     fits = (
-        model.weights.ndim == 2
+        all(values.dtype.kind in "fiu" and np.isfinite(values).all() for values in numbers)
+        and model.weights.ndim == 2
         and model.weights.shape[0] == rows == len(model.offsets)
         and model.classes.shape == (classes, 2)
         and (classes > 1) == (method == "svm")
@@ -73,11 +75,19 @@ def _check(model: RegionModel, method: str, neutral: Mapping[str, np.ndarray]) -
         and model.trust.shape == (2,)
         and model.coverage.shape == (len(model.region.patches), 2)
         and (model.coverage > 0).all()
+        and (model.coverage[:, 0] <= model.coverage[:, 1]).all()
+        and (model.errors >= 0).all()
         and set(model.region.patches) <= set(neutral)
-        and all(
-            np.isfinite(values).all()
-            for values in (model.weights, model.offsets, model.trust, model.errors, model.scales)
-        )
+        and len(set(model.region.units)) == units
+        and model.weights.shape[1] == _width(model.region, neutral)
     )
     if not fits:
         raise InputError(f"The patch classifier's region {model.region.name!r} does not fit together; train it anew.")
+
+
+def _width(region: Region, neutral: Mapping[str, np.ndarray]) -> int:
+    """How many features are seen of a region; -1 if its neutral patches are no pictures."""
+    pictures = [neutral[name] for name in region.patches]
+    if not all(picture.ndim == 2 and picture.size and picture.dtype == np.uint8 for picture in pictures):
+        return -1
+    return features([picture[None] for picture in pictures], pictures, region.features).shape[1] if pictures else 0

@@ -17,7 +17,7 @@ from blendcap.makeup.labels import Labels, labeled
 from blendcap.makeup.lesson import Lesson, counts, regions_of, shown_turns
 from blendcap.makeup.patches import Patches, flows, laid_over
 from blendcap.makeup.scales import SHOWN, fit_scales, scaled
-from blendcap.makeup.units import ARKIT_TABLE, Region, halves
+from blendcap.makeup.units import ARKIT_TABLE, Region, shown_as_one
 
 VARIANCE = {"svm": 0.9, "intensity": 0.99}  # of the features, that the principal components keep
 MOST_FRAMES = 800  # from which principal components are taken, about
@@ -71,14 +71,16 @@ def train_classifier(
     Raises
     ------
     InputError
-        If the lessons are not as long as the patches, they show no unit of any region or one only once, or a name
-        is unknown.
+        If the lessons are not as long as the patches, they show no unit of any region or one only once, their weights
+        tell of no unit, or a name is unknown.
     """
+    if warps < 0:
+        raise InputError(f"The number of warped copies is {warps}, but must be 0 or more.")
     if method not in METHODS:
         raise InputError(f"The method {method!r} is unknown; choose one of {', '.join(METHODS)}.")
     takes = _takes(patches, lesson)
     regions = regions or regions_of(method)
-    shown = shown_turns([taught for _, taught in takes], regions, method)
+    shown = shown_turns([taught for _, taught in takes], regions, method, table)
     if kind is not None:
         check_features(kind)
         regions = [region._replace(features=kind) for region in regions]
@@ -157,7 +159,7 @@ def _train_region(takes: Sequence[Take], labels: Labels, region: Region, method,
     model = RegionModel(region, weights, offsets, classes, trust, coverage, errors, scales)
     if method == "intensity":
         model = replace(model, scales=_scales(model, whole, labels, relative, seed + warps))
-    return _judged(model, data, left_out, halves(region.units, {t for _, lesson in takes for t in lesson.units}))
+    return _judged(model, data, left_out, shown_as_one(region.units, {t for _, lesson in takes for t in lesson.units}))
 
 
 def _scales(model: RegionModel, takes: Sequence[Patches], labels: Labels, relative: bool, seed: int) -> np.ndarray:
@@ -265,7 +267,7 @@ def _judged(model: RegionModel, data: _Data, left_out: tuple[np.ndarray, np.ndar
     }
     errors = np.sqrt(((told - data.amounts) ** 2).mean(0))
     trust = _calibrated(margins[lone], right[lone]) if len(model.classes) else model.trust
-    return replace(model, trust=trust, errors=errors, scores=scores, confusion=confusion)
+    return replace(model, trust=trust, errors=errors, scores=scores, confusion=confusion, answers=("rest", *whole))
 
 
 def _calibrated(margins: np.ndarray, right: np.ndarray) -> np.ndarray:

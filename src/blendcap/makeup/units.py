@@ -76,14 +76,18 @@ def shows(turn: str, unit: str) -> bool:
     return (not asked[1] or done[1] in ("", asked[1])) and asked[0] <= done[0]
 
 
-def halves(units: Sequence[str], turns: Collection[str]) -> dict[str, list[int]]:
-    """Places of the units by name, without sides where a turn shows both sides at once."""
-    found: dict[str, list[int]] = {}
+def shown_as_one(units: Sequence[str], turns: Collection[str]) -> dict[str, list[int]]:
+    """Places of the units by name; those that only ever come together, as both sides do, are one: AU2, AU1+2."""
+    found: dict[frozenset[str], list[int]] = {}
     for place, unit in enumerate(units):
-        whole = unit.rstrip("LR")
-        both = any(shows(turn, f"{whole}L") and shows(turn, f"{whole}R") for turn in turns)
-        found.setdefault(whole if both else unit, []).append(place)
-    return found
+        found.setdefault(frozenset(turn for turn in turns if shows(turn, unit)), []).append(place)
+    return {_joint_name([units[place] for place in places]): places for places in found.values()}
+
+
+def _joint_name(units: Sequence[str]) -> str:
+    numbers = dict.fromkeys(unit.removeprefix("AU").rstrip("LR") for unit in units)
+    sides = {_parts(unit)[1] for unit in units} - {""}
+    return f"AU{'+'.join(numbers)}{sides.pop() if len(sides) == 1 else ''}"
 
 
 def _parts(name: str) -> tuple[frozenset[str], str]:

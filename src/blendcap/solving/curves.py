@@ -5,6 +5,7 @@ Eq. 4 of Reading Between the Dots (2016), Eq. 38 of the thesis (2017): `sum_i ga
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -19,7 +20,10 @@ BEND_SPREAD = np.array([1.0])  # likewise of its bend between rest and full
 LINE_ROUNDS = 3
 MOST_MEMORY = 10.0  # frames
 TINY = 1e-12
+PERCENT = 1.5  # a curve that goes beyond is in another unit
 TOLERANCE = 0.1  # seconds by which curves and take may differ in length before somebody must say how they lie
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,6 +153,12 @@ def curves_for(
         )
     trust = np.ones_like(curves.weights) if curves.confidence is None else curves.confidence
     trust = np.where(np.isnan(curves.weights), 0.0, np.nan_to_num(trust))
+    highest = float(np.nan_to_num(curves.weights * (trust > 0)).max(initial=0.0))
+    if highest > PERCENT:
+        log.warning(
+            "The curves go up to %g, but 1 is all of a shape, and more is cut off; if they are in percent, divide them "
+            "by 100.", highest,
+        )  # fmt: skip
     places = _places(names, curves, trust, rig)
     targets, confidence = np.zeros((2, len(times), len(names)))
     for column, shapes in places.items():

@@ -17,7 +17,7 @@ from blendcap.view import page
 from blendcap.view.film import Film, pictures, reporting
 from blendcap.view.posing import weights_on
 from blendcap.view.still import still
-from blendcap.view.style import BLUE, GREEN, INK, inline_svg, new_figure, plain, styled, thinned
+from blendcap.view.style import BLUE, GREEN, INK, RED, inline_svg, new_figure, plain, styled, thinned
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -29,6 +29,7 @@ PICTURE = (600, 600)
 PICTURES, APART = 3, 1.0  # frames that are shown, and seconds between them at least
 SAID: dict[str, Any] = {"color": GREEN, "linewidth": 0.8, "linestyle": (0, (3, 2))}
 TRUSTED: dict[str, Any] = {"color": GREEN, "alpha": 0.13, "linewidth": 0}
+CONFLICT = 0.1  # of a weight: less is no disagreement that is worth a name
 HALVES = ("upper", "lower")  # of the face: they hold all other regions
 
 
@@ -45,6 +46,8 @@ def comparison(rig: Rig, alone: Solution, hybrid: Solution, patches: Animation |
     _check(alone.animation, hybrid.animation)
     html = page.table(["region", "apart on average"], _regions(rig, alone, hybrid))
     html += page.figure(inline_svg(plot_comparison(alone, hybrid, patches)), "Shapes that the paint changed most.")
+    if hybrid.conflict is not None:
+        html += page.figure(inline_svg(plot_conflict(hybrid)), "Where the answer is not what the patches say.")
     for frame in _frames_apart(rig, alone, hybrid):
         pair = [still(rig, weights_on(rig, s.animation)[frame], size=PICTURE, yaws=(0.0,)) for s in (alone, hybrid)]
         caption = f"Frame {frame}, {alone.animation.times[frame]:.2f} s: the markers alone, and with the paint."
@@ -83,6 +86,36 @@ def plot_comparison(alone: Solution, hybrid: Solution, patches: Animation | None
         keys["how far that is trusted"] = axes.fill_between([], [], **TRUSTED)
     figure.legend(list(keys.values()), list(keys), ncols=len(keys), loc="outside upper right")
     return figure
+
+
+@styled
+def plot_conflict(hybrid: Solution) -> Figure:
+    """How far the answer is from what the patches say, by their trust: in each frame of the shape that is farthest."""
+    assert hybrid.conflict is not None
+    animation, worst = hybrid.animation, hybrid.conflict.max(1)
+    figure = new_figure(8.4, 2.0)
+    axes = figure.subplots()
+    axes.fill_between(*thinned(animation.times, worst), color=RED, alpha=0.12, linewidth=0)
+    axes.plot(*thinned(animation.times, worst), color=RED, linewidth=0.9)
+    for frame in _highest(worst, animation.rate):
+        name = animation.names[int(hybrid.conflict[frame].argmax())]
+        axes.annotate(
+            f"{plain(name)}, frame {frame}", (animation.times[frame], worst[frame]), (0, 3), textcoords="offset points",
+            fontsize=7, ha="center",
+        )  # fmt: skip
+    axes.set_ylim(0, max(1.15 * float(worst.max()), 0.1))
+    axes.set_xlabel("seconds")
+    axes.set_ylabel("weight")
+    return figure
+
+
+def _highest(worst: np.ndarray, rate: float) -> list[int]:
+    """The frames, `APART` seconds from each other, in which patches and answer are farthest apart."""
+    left, frames = worst.copy(), []
+    while len(frames) < PICTURES and left.max() > CONFLICT:
+        frames.append(int(left.argmax()))
+        left[max(frames[-1] - round(APART * rate), 0) : frames[-1] + round(APART * rate) + 1] = 0
+    return frames
 
 
 def write_comparison(
