@@ -99,12 +99,12 @@ the performer, or not even that.
 (below 0.12) or not (above 0.3). Most frames are at rest: the first row of each take says what always answering so
 gets, so judge a machine by what it gets above that, by recall, and by "worst".
 "level": the worst region's part of frames in which the intensity is told within 0.25, too. "45" and "6+43": precision
-and recall, and in brackets where a unit may be told two frames early or late. "worst": the correlation of told and
-true intensity of the unit that is told worst, and which that is. "neutral kept": trained and used without taking the
-features of the performer's own neutral frame off. "svm" is the papers' machine, "intensity" the default, whose 6+43 is a 45
-with much AU6 (closing by closing, told before the units' scales; the two kinds of a take are told apart by where they
-part) and whose sideways pucker is the geometric mean of 10, 12 and 18; how much was set on the lessons, on other takes
-of the teachers, and on mannequins 5 and 6 and ICT 104, who are not tested.
+and recall, and in brackets where a unit may be told two frames early or late. "worst": the correlation of told and true
+intensity of the unit that is told worst, and which that is. "neutral kept": trained and used without taking the
+features of the performer's own neutral frame off. "svm" is the papers' machine, "intensity" the default, whose 6+43 is
+a 45 with much AU6 (closing by closing, told before the units' scales; the two kinds of a take are told apart by where
+they part) and whose sideways pucker is the geometric mean of 10, 12 and 18; how much was set on the lessons, on other
+takes of the teachers, and on mannequins 5 and 6 and ICT 104, who are not tested.
 
 | face | take | method | laid over | brows | nose | eyes | mouth | level | 45 | 6+43 | worst | frames/s |
 |---|---|---|---|---|---|---|---|---|---|---|---|---|

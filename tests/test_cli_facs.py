@@ -13,7 +13,8 @@ from scipy.spatial.transform import Rotation
 
 import blendcap
 from blendcap.cli import main
-from blendcap.cli.facs_inputs import Filmed, _check_films, blocks
+from blendcap.cli.facs import _filmed
+from blendcap.cli.facs_inputs import Filmed, Footage, _check_films, blocks
 from blendcap.cli.facs_inputs import stage as read_stage
 from blendcap.cli.left_out import left_out_in_words
 from blendcap.cli.progress import Progress
@@ -32,6 +33,7 @@ from blendcap.makeup.stabilization import held
 from blendcap.makeup.training import train_classifier
 from blendcap.makeup.units import Region
 from blendcap.modeling.rays import RayTarget
+from blendcap.numerics.resampling import at_times
 from blendcap.numerics.similarity import apply
 from blendcap.rendering.camera import look_at, project
 from blendcap.synthetic.exercises import action_units
@@ -128,6 +130,17 @@ def test_curves_from_video_make_the_solve_better(stage, rig, capsys):
     both = truth.select(told.names)
     blink = told.names.index("eyeBlinkLeft")
     assert np.corrcoef(told.weights[:, blink], both.weights[:, blink])[0, 1] > 0.9
+    take, late = blendcap.read_markers(stage / "test.c3d"), 7 / (2 * RATE)
+    doubled = at_times(take.positions, RATE, np.arange(2 * len(take.positions)) / (2 * RATE) - late)
+    blendcap.write_markers(stage / "fast.c3d", replace(take, positions=doubled, rate=2 * RATE, residuals=None))
+    fast = [str(stage / "fast.c3d") if word.endswith("test.c3d") else word for word in arguments(stage, "test")]
+    again = ["--model", model, "-o", str(stage / "again.csv"), "--offset", str(late)]
+    assert main(["facs", "predict", *fast, *again]) == 1  # the last frames are after the take
+    assert "the videos reach from" in capsys.readouterr().err
+    doubled = at_times(take.positions, RATE, np.arange(2 * len(take.positions) + 7) / (2 * RATE) - late)
+    blendcap.write_markers(stage / "fast.c3d", replace(take, positions=doubled, rate=2 * RATE, residuals=None))
+    assert main(["facs", "predict", *fast, *again]) == 0
+    np.testing.assert_allclose(blendcap.read_animation(stage / "again.csv").weights, told.weights, atol=0.02)
 
     capsys.readouterr()
     worn, (_, deltas) = rig.points["markers50"], rig.select(LIDS).sample(rig.points["markers50"])
@@ -324,11 +337,37 @@ def test_videos_in_another_order_than_the_cameras_are_refused():
     camera = Camera([[500, 0, 320], [0, 510, 240], [0, 0, 1]], look_at([10, 20, 300], [0, 0, 0]))
     cameras = {name: (camera, SIZE) for name in ("upper_right", "upper_left")}
     films = [SimpleNamespace(path=Path(f"take.{name}.mp4"), size=SIZE, rate=RATE, count=9) for name in cameras]
-    _check_films(films, cameras, 9, RATE)
+    _check_films(films, cameras)
     with pytest.raises(
         InputError, match=r"take\.upper_left\.mp4 stands where .* 'upper_right' should.*the cameras: upper_r"
     ):
-        _check_films(films[::-1], cameras, 9, RATE)
+        _check_films(films[::-1], cameras)
+
+
+def test_a_take_is_told_at_the_frames_of_its_film():
+    rng = np.random.default_rng(0)
+    path = np.cumsum(rng.normal(size=(9, 2, 3)), axis=0)
+    path[4, 1] = np.nan
+    between = (path[:-1] + path[1:]) / 2
+    fast = np.empty((17, 2, 3))
+    fast[::2], fast[1::2] = path, between
+    take = blendcap.MarkerTake(np.concatenate([np.zeros((5, 2, 3)), fast]), ("a", "b"), 2 * RATE)
+    film = SimpleNamespace(path=Path("v.mp4"), rate=RATE, count=9)
+    told = Footage(Path(), Path(), offset=5 / (2 * RATE)).take_of(film, take)
+    assert told.rate == RATE
+    np.testing.assert_allclose(told.positions, path)
+    with pytest.raises(InputError, match=r"has 9 frames at 15 a second, but the take 22 at 30; say by --offset how"):
+        Footage(Path(), Path()).take_of(film, take)
+    with pytest.raises(InputError, match=r"With --offset 9 the videos reach from 9\.00 to 9\.53 s of the take"):
+        Footage(Path(), Path(), offset=9.0).take_of(film, take)
+    with pytest.raises(InputError, match="cut both to the same frames, at the rate of the film"):
+        Filmed(Path(), Path()).take_of(film, take)
+    solved = blendcap.Animation(take.positions[:, 0], ("x", "y", "z"), 2 * RATE, confidence=np.ones((22, 3)))
+    weights = _filmed(solved, film, 5 / (2 * RATE))  # pyright: ignore[reportArgumentType]
+    assert weights is not None and weights.rate == RATE and weights.confidence is not None
+    np.testing.assert_allclose(weights.weights, path[:, 0])
+    same = blendcap.MarkerTake(path, ("a", "b"), RATE)
+    assert Footage(Path(), Path()).take_of(film, same) is same is Filmed(Path(), Path()).take_of(film, same)
 
 
 @pytest.mark.parametrize(

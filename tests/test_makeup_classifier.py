@@ -421,6 +421,13 @@ def test_what_is_taken_for_what_is_drawn(trained):
     assert [t.get_text() for t in axes.get_yticklabels()] == ["rest", *REGION.units]
 
 
+def test_showings_before_the_film_are_refused():
+    late = Lesson.of_spans([(-0.05, 0.5, "AU4")], 30, 10.0)  # half a frame is nothing
+    assert (late.units == "AU4").sum() == 5
+    with pytest.raises(InputError, match=r"Showing 1, of AU4, begins 0\.5 s before the film"):
+        Lesson.of_spans([(-0.5, 0.5, "AU4")], 30, 10.0)
+
+
 def test_showings_of_unknown_units_are_named(lesson, caplog):
     patches, shown, _ = lesson
     units = shown.units.astype(object)

@@ -128,8 +128,23 @@ def _lesson(
         spans = read_turns(turns)
         solved = None if weights is None else read_animation(weights)
         staged = stage(videos, take, footage)
-        films, setup = staged.films, staged.setup(footage.stable)
-        return films, setup, Lesson.of_spans(spans, films[0].count, films[0].rate, solved)
+        films, setup, late = staged.films, staged.setup(footage.stable), footage.offset or 0.0
+        during = [(start - late, end - late, unit) for start, end, unit in spans]
+        return films, setup, Lesson.of_spans(during, films[0].count, films[0].rate, _filmed(solved, films[0], late))
+
+
+def _filmed(solved: Animation | None, film: Video, late: float) -> Animation | None:
+    """Weights of the whole take at the frames of its film, which begins `late` seconds after it."""
+    import numpy as np
+
+    from blendcap.numerics.resampling import at_times
+
+    if solved is None or (not late and len(solved.weights) == film.count):
+        return solved
+    times = late + np.arange(film.count) / film.rate
+    sure = None if solved.confidence is None else at_times(solved.confidence, solved.rate, times)
+    weights = at_times(solved.weights, solved.rate, times)
+    return blendcap.Animation(weights, solved.names, film.rate, confidence=sure)
 
 
 @facs.command

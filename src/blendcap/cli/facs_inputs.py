@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from blendcap.makeup.setup import Setup
 
 DOT = 0.011  # radius of a marker's dot that is taken off the paint, of the picture's height
+SAME_RATE = 0.01  # part by which the rates of film and take may differ
 LOST, OFTEN = 0.5, 0.1  # part of a frame's still points below which it is lost; part of such frames that is told
 
 log = logging.getLogger(__name__)
@@ -42,17 +43,63 @@ class Filmed:
     correspondences: Path | None = None
     """A .json that says where each marker sits; found if not given."""
 
+    def take_of(self, film: Video, take: MarkerTake) -> MarkerTake:
+        """The markers in the frames of a film, which must be those of the take: tracks are solved with it."""
+        if not _same_frames(film, take):
+            raise blendcap.InputError(f"{_apart(film, take)}; cut both to the same frames, at the rate of the film.")
+        return take
+
 
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Footage(Filmed):
     """Where the patches are in the pictures."""
 
+    offset: float | None = None
+    """Seconds by which the videos begin after the take; needed only if they differ in length. Their rates may differ:
+    the markers are then told between their frames."""
+
     stable: Annotated[tuple[str, ...], Parameter(negative=(), show_default=False)] = ()
     """A marker that does not move with the face, by name, to follow in the pictures; repeat it for at least three. If
     not given, the head's pose, which the markers' places in space tell, holds the pictures still."""
     threshold: float | None = None
     """How much brighter than the skin around it paint is, in multiples of the patch's median. Found if not given."""
+
+    def take_of(self, film: Video, take: MarkerTake) -> MarkerTake:
+        """The markers in the frames of a film, which may have another rate and begin later."""
+        return take if self.offset is None and _same_frames(film, take) else _sampled(take, film, self.offset)
+
+
+def _same_frames(film: Video, take: MarkerTake) -> bool:
+    return abs(film.rate - take.rate) <= SAME_RATE * take.rate and film.count == len(take.positions)
+
+
+def _apart(film: Video, take: MarkerTake) -> str:
+    return (
+        f"{film.path} has {film.count} frames at {film.rate:g} a second, but the take {len(take.positions)} at "
+        f"{take.rate:g}"
+    )
+
+
+def _sampled(take: MarkerTake, film: Video, offset: float | None) -> MarkerTake:
+    """A take at the frames of a film that begins `offset` seconds after it, or with it."""
+    import numpy as np
+
+    from blendcap.numerics.resampling import at_times
+
+    lasts, frame = len(take.positions) / take.rate, 1 / min(film.rate, take.rate)
+    if offset is None and abs(film.count / film.rate - lasts) > frame:
+        raise blendcap.InputError(
+            f"{_apart(film, take)}; say by --offset how many seconds after the take the videos begin (0 if together), "
+            "or cut both to the same frames."
+        )
+    times = (offset or 0.0) + np.arange(film.count) / film.rate
+    if times[0] < -frame or times[-1] > lasts + frame:
+        raise blendcap.InputError(
+            f"With --offset {offset or 0:g} the videos reach from {times[0]:.2f} to {times[-1]:.2f} s of the take, "
+            f"which lasts {lasts:.2f} s; give another, or cut the videos to the take."
+        )
+    return replace(take, positions=at_times(take.positions, take.rate, times), rate=film.rate, residuals=None)
 
 
 def by_take(
@@ -98,7 +145,8 @@ def stage(videos: Sequence[Path], take: Path, footage: Filmed) -> Stage:
 
     known, the_rig, the_take = read_cameras(footage.cameras), read_rig(footage.rig), read_markers(take)
     films = [read_video(video) for video in videos]
-    _check_films(films, known, len(the_take.positions), the_take.rate)
+    _check_films(films, known)
+    the_take = footage.take_of(films[0], the_take)
     places = None if footage.correspondences is None else read_correspondences(footage.correspondences)
     binding = blendcap.bind(the_rig, the_take, places)
     whole = Stage(films, [camera for camera, _ in known.values()], the_rig, the_take, binding)
@@ -107,7 +155,7 @@ def stage(videos: Sequence[Path], take: Path, footage: Filmed) -> Stage:
     return whole
 
 
-def _check_films(films: list[Video], cameras: Cameras, frames: int, rate: float) -> None:
+def _check_films(films: list[Video], cameras: Cameras) -> None:
     if len(films) != len(cameras):
         raise blendcap.InputError(
             f"Videos: {len(films)}; cameras: {len(cameras)} ({', '.join(cameras)}). Give one video a camera, in their "
@@ -125,10 +173,10 @@ def _check_films(films: list[Video], cameras: Cameras, frames: int, rate: float)
                 f"{film.path} has pictures of {film.size[0]} x {film.size[1]} pixels, but the camera {name!r} "
                 f"of {size[0]} x {size[1]}; the order of the videos must be that of the cameras."
             )
-        if abs(film.rate - rate) > 0.01 * rate or film.count != frames:
+        if (film.count, film.rate) != (films[0].count, films[0].rate):
             raise blendcap.InputError(
-                f"{film.path} has {film.count} frames at {film.rate:g} a second, but the take {frames} at {rate:g}; "
-                "cut both to the same frames."
+                f"{film.path} has {film.count} frames at {film.rate:g} a second, but {films[0].path} {films[0].count} "
+                f"at {films[0].rate:g}; cut the videos to the same frames."
             )
 
 

@@ -70,16 +70,21 @@ class Lesson:
         Raises
         ------
         InputError
-            If a showing ends after the last frame, or two overlap by more than a frame.
+            If a showing begins before the first frame or ends after the last, or two overlap by more than a frame.
         """
         units, repetitions = np.full(frames, "", dtype=object), np.zeros(frames, dtype=int)
         for number, (start, end, unit) in enumerate(spans, 1):
+            if start * rate < -1:
+                raise InputError(
+                    f"Showing {number}, of {unit}, begins {-start:.4g} s before the film; leave it out, or correct the "
+                    "offset."
+                )
             if end * rate > frames + 1:
                 raise InputError(
                     f"Showing {number}, of {unit} from {start:g} to {end:g} s, ends after the lesson, which lasts "
                     f"{frames / rate:.4g} s; showings are told in seconds from its first frame."
                 )
-            part = slice(round(start * rate), round(end * rate))
+            part = slice(max(round(start * rate), 0), round(end * rate))
             taken = np.flatnonzero(repetitions[part])
             if len(taken) > 1:
                 other = repetitions[part][taken[0]]
