@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 import blendcap
 from blendcap.cli import main
-from blendcap.cli.facs import _filmed
+from blendcap.cli.facs import _filmed, _lesson
 from blendcap.cli.facs_inputs import Filmed, Footage, _check_films, blocks
 from blendcap.cli.facs_inputs import stage as read_stage
 from blendcap.cli.left_out import left_out_in_words
@@ -136,7 +136,7 @@ def test_curves_from_video_make_the_solve_better(stage, rig, capsys):
     fast = [str(stage / "fast.c3d") if word.endswith("test.c3d") else word for word in arguments(stage, "test")]
     again = ["--model", model, "-o", str(stage / "again.csv"), "--offset", str(late)]
     assert main(["facs", "predict", *fast, *again]) == 1  # the last frames are after the take
-    assert "the videos reach from" in capsys.readouterr().err
+    assert "reaches from" in capsys.readouterr().err
     doubled = at_times(take.positions, RATE, np.arange(2 * len(take.positions) + 7) / (2 * RATE) - late)
     blendcap.write_markers(stage / "fast.c3d", replace(take, positions=doubled, rate=2 * RATE, residuals=None))
     assert main(["facs", "predict", *fast, *again]) == 0
@@ -253,7 +253,8 @@ def test_predictions_do_not_overwrite_what_they_read_and_say_which_shapes_the_ri
     for weight in (0, -1, float("nan"), float("inf")):
         table.write_text(json.dumps({"AU4": {"browDownLeft": weight}}), encoding="utf-8")
         assert main([*command, "-o", str(tmp_path / "c.npz"), "--table", str(table)]) == 1
-        assert "their weights above 0" in capsys.readouterr().err
+        said = " ".join(capsys.readouterr().err.split())
+        assert 'their weights above 0, such as {"AU4": {"browLower_L": 1.0}}; leave' in said
 
 
 def test_the_threshold_reaches_the_patches_and_wrong_turns_and_features_do_not(tmp_path, monkeypatch, capsys):
@@ -265,7 +266,7 @@ def test_the_threshold_reaches_the_patches_and_wrong_turns_and_features_do_not(t
     common += ["-o", str(tmp_path / "o.npz"), "--threshold", "-1"]
     assert main(["facs", "train", "v.mp4", *common, "--turns", str(tmp_path / "late.csv")]) == 1
     said = capsys.readouterr()
-    assert "ends after the lesson, which lasts 0.2 s" in said.err and "Cut the patches" not in said.out + said.err
+    assert "ends after the lesson, which lasts until 0.2 s" in said.err and "Cut the patches" not in said.out + said.err
     (tmp_path / "foreign.csv").write_text("start,end,unit\n0,0.2,AU99\n", encoding="utf-8")
     assert main(["facs", "train", "v.mp4", *common, "--turns", str(tmp_path / "foreign.csv")]) == 1
     said = capsys.readouterr()
@@ -308,10 +309,13 @@ def test_a_trained_machine_says_its_shares_in_words():
     eyes = replace(REST, region=REST.region._replace(name="eyes"), scores=scores, answers=answers, confusion=frames)
     mouth = replace(eyes, region=eyes.region._replace(name="mouth"), scores=scores | {"unit": 0.25}, answers=())
     assert left_out_in_words(PatchClassifier([eyes, mouth], {})) == {
-        "left_out": "eyes 99% of the clear frames told right, 90% of all, 50% with the intensity; "
-        "mouth 25% of the clear frames told right, 90% of all, 50% with the intensity",
+        "left_out": "eyes 99% of the clear frames told right, 90% of all, 50% with the intensity, within 0.25; "
+        "mouth 25% of the clear frames told right, 90% of all, 50% with the intensity, within 0.25",
         "mixed_up": "AU4 told as rest in 1 of 10 frames",  # 2 % of the frames of rest are no more than 2 %
     }
+    right = replace(eyes, confusion=np.diag([98, 9]))
+    assert left_out_in_words(PatchClassifier([right], {}))["mixed_up"] == "no unit in more than 2% of its frames"
+    assert left_out_in_words(PatchClassifier([mouth], {}))["mixed_up"] == "not counted; train anew"
 
 
 def test_cameras_come_back_from_their_file(tmp_path):
@@ -344,6 +348,15 @@ def test_videos_in_another_order_than_the_cameras_are_refused():
         _check_films(films[::-1], cameras)
 
 
+def test_showings_are_told_from_the_take_also_if_the_film_begins_later(tmp_path, monkeypatch):
+    film = SimpleNamespace(count=30, size=SIZE, rate=RATE)
+    monkeypatch.setattr("blendcap.cli.facs.stage", lambda *_: staged([film], Setup({}, [], [])))
+    (tmp_path / "t.csv").write_text("start,end,unit\n2,2.2,AU4\n", encoding="utf-8")
+    footage = Footage(Path(), Path(), offset=1.0)
+    _, _, lesson = _lesson([], Path(), tmp_path / "t.csv", None, footage, Progress(quiet=True))
+    assert np.flatnonzero(lesson.units == "AU4").tolist() == [15, 16, 17]
+
+
 def test_a_take_is_told_at_the_frames_of_its_film():
     rng = np.random.default_rng(0)
     path = np.cumsum(rng.normal(size=(9, 2, 3)), axis=0)
@@ -358,7 +371,7 @@ def test_a_take_is_told_at_the_frames_of_its_film():
     np.testing.assert_allclose(told.positions, path)
     with pytest.raises(InputError, match=r"has 9 frames at 15 a second, but the take 22 at 30; say by --offset how"):
         Footage(Path(), Path()).take_of(film, take)
-    with pytest.raises(InputError, match=r"With --offset 9 the videos reach from 9\.00 to 9\.53 s of the take"):
+    with pytest.raises(InputError, match=r"With --offset 9 v\.mp4 reaches from 9\.00 to 9\.53 s of the take"):
         Footage(Path(), Path(), offset=9.0).take_of(film, take)
     with pytest.raises(InputError, match="cut both to the same frames, at the rate of the film"):
         Filmed(Path(), Path()).take_of(film, take)
@@ -366,6 +379,13 @@ def test_a_take_is_told_at_the_frames_of_its_film():
     weights = _filmed(solved, film, 5 / (2 * RATE))  # pyright: ignore[reportArgumentType]
     assert weights is not None and weights.rate == RATE and weights.confidence is not None
     np.testing.assert_allclose(weights.weights, path[:, 0])
+    for late in (0.0, 1.0):  # too long without an offset, and too short
+        with pytest.raises(
+            InputError, match=r"The weights last 0\.73 s, but the lesson's film ends at [01]\.60 s; give"
+        ):
+            _filmed(solved, film, late)  # pyright: ignore[reportArgumentType]
+    with pytest.raises(InputError, match="With --offset nan"):
+        Footage(Path(), Path(), offset=float("nan")).take_of(film, take)
     same = blendcap.MarkerTake(path, ("a", "b"), RATE)
     assert Footage(Path(), Path()).take_of(film, same) is same is Filmed(Path(), Path()).take_of(film, same)
 

@@ -16,7 +16,7 @@ from blendcap.makeup.curves import WINDOWS, classify
 from blendcap.makeup.features import COARSE, MEAN_MOTION, MOTION, SOFT, features, fine_motion, gabor, gabor_bank, motion
 from blendcap.makeup.intensity import measure_intensity
 from blendcap.makeup.labels import soft
-from blendcap.makeup.lesson import Lesson
+from blendcap.makeup.lesson import Lesson, untold_units
 from blendcap.makeup.packing import KIND, VERSION, pack, unpack
 from blendcap.makeup.patches import Patches, flows, laid_over
 from blendcap.makeup.training import train_classifier
@@ -330,6 +330,8 @@ def test_what_a_turn_shows_and_which_units_only_ever_come_together():
     assert shown_as_one(units, {"", "AU1+2", "AU10L", "AU10R"}) == {"AU1+2": [0, 1, 2], "AU10L": [3], "AU10R": [4]}
     assert shown_as_one(units, {"AU1+2", "AU1", "AU10"}) == {"AU1": [0], "AU2": [1, 2], "AU10": [3, 4]}
     assert shown_as_one(("AU10L", "AU12L"), {"AU10+12L"}) == {"AU10+12L": [0, 1]}
+    assert shown_as_one(("smile", "grin"), set()) == {"smile+grin": [0, 1]}
+    assert shown_as_one(("smile",), set()) == {"smile": [0]}
     assert shown_as_one(("AU6+43", "AU45"), {"AU6+43", "AU45"}) == {"AU6+43": [0], "AU45": [1]}
 
 
@@ -368,7 +370,7 @@ def test_a_lesson_of_another_length_or_of_one_showing_is_refused(lesson):
 @pytest.mark.parametrize(
     ("spans", "sentence"),
     [
-        ([(12.0, 36.0, "AU4")], "Showing 1, of AU4 from 12 to 36 s, ends after the lesson, which lasts 10 s; showings"),
+        ([(12.0, 36.0, "AU4")], "Showing 1, of AU4 from 12 to 36 s, ends after the lesson, which lasts until 10 s; showings"),
         ([(1, 2, "AU4"), (3, 5, "AU1"), (4, 6, "AU2")], "Showings 2 and 3, of AU1 and AU2, overlap; tell what was"),
     ],
 )
@@ -409,6 +411,8 @@ def test_weights_that_do_not_tell_a_unit_are_named_and_refused_if_they_tell_none
     table = {"AU1+2": {"lift": 1.0}, "AU4": {"frown": 1.0}, "AU9": {"sneer": 1.0}}
     train_classifier(patches, told, regions=[REGION], table=table)
     assert "do not tell how strongly AU1+2, AU9 are shown, and the pictures must" in caplog.text
+    other = Lesson(shown.units, shown.repetitions, Animation(truth[:, :1], ("tail",), RATE))
+    assert untold_units([told, other], [REGION], "intensity", table) == ["AU1+2", "AU9"]  # one of two lessons is enough
     with pytest.raises(InputError, match=r"tell of none of its units \(AU1\+2, AU4, AU9\)"):
         train_classifier(patches, told, regions=[REGION], table={"AU4": {"grin": 1.0}})
 
@@ -422,10 +426,12 @@ def test_what_is_taken_for_what_is_drawn(trained):
 
 
 def test_showings_before_the_film_are_refused():
-    late = Lesson.of_spans([(-0.05, 0.5, "AU4")], 30, 10.0)  # half a frame is nothing
-    assert (late.units == "AU4").sum() == 5
-    with pytest.raises(InputError, match=r"Showing 1, of AU4, begins 0\.5 s before the film"):
-        Lesson.of_spans([(-0.5, 0.5, "AU4")], 30, 10.0)
+    late = Lesson.of_spans([(0.95, 1.5, "AU4")], 30, 10.0, offset=1.0)  # half a frame is nothing
+    assert np.flatnonzero(late.units == "AU4").tolist() == [0, 1, 2, 3, 4]
+    with pytest.raises(InputError, match=r"Showing 1, of AU4 from 0\.5 to 1\.5 s, begins 0\.5 s before the film"):
+        Lesson.of_spans([(0.5, 1.5, "AU4")], 30, 10.0, offset=1.0)
+    with pytest.raises(InputError, match=r"from 3 to 5 s, ends after the lesson, which lasts until 4 s"):
+        Lesson.of_spans([(3.0, 5.0, "AU4")], 30, 10.0, offset=1.0)
 
 
 def test_showings_of_unknown_units_are_named(lesson, caplog):
@@ -474,8 +480,10 @@ def test_damaged_classifiers_are_refused(trained, tmp_path):
     for name, value in (("weights", wider), ("weights", text), ("coverage", wrong_way), ("errors", -np.ones(3))):
         with pytest.raises(InputError, match="does not fit together"):
             unpack(meta, arrays | {f"0:{name}": value})
-    for picture in (np.zeros((3, 3, 3), np.uint8), np.full((44, 56), np.nan), np.zeros((0, 0), np.uint8)):
+    for picture in (np.zeros((3, 3, 3), np.uint8), np.full((44, 56), np.nan), np.zeros((1, 1), np.uint8)):
         with pytest.raises(InputError, match="does not fit together"):
             unpack(meta, arrays | {"neutral:forehead": picture})
+    with pytest.raises(InputError, match="does not fit together"):
+        unpack(meta, arrays | {"0:confusion": arrays["0:confusion"][:2]})
     with pytest.raises(InputError, match="damaged"):
         unpack(meta, {key: value for key, value in arrays.items() if key != "0:offsets"})

@@ -140,6 +140,8 @@ def test_eyes_that_look_sideways_look_the_same_way():
     assert kinship.mirror.tolist() == [out_right, out_left, in_right, in_left, up_right, up_left]
     prior = kinship.covariance()
     assert prior[in_left, out_right] > 0 > prior[out_left, out_right]
+    bare = Rig(mesh, np.zeros((6, 3, 3)), names)
+    assert Kinship.of_rig(bare).mirror.tolist() == list(range(6))  # no mirror map: nobody has a partner
     lacking = rig.select([name for name in names if name != "head:EyeLookOut_R"])
     assert np.array_equal(Kinship.of_rig(lacking).mirror, lacking.mirror)
 

@@ -55,7 +55,8 @@ def train(
     Parameters
     ----------
     videos
-        The head cameras' videos, one a camera and in their order. They begin with the take, on a neutral face.
+        The head cameras' videos, one a camera and in their order. They begin with the take (or see --offset), on a
+        neutral face.
     take
         The markers of the same performance: .c3d, .trc or .csv.
     turns
@@ -129,8 +130,8 @@ def _lesson(
         solved = None if weights is None else read_animation(weights)
         staged = stage(videos, take, footage)
         films, setup, late = staged.films, staged.setup(footage.stable), footage.offset or 0.0
-        during = [(start - late, end - late, unit) for start, end, unit in spans]
-        return films, setup, Lesson.of_spans(during, films[0].count, films[0].rate, _filmed(solved, films[0], late))
+        lesson = Lesson.of_spans(spans, films[0].count, films[0].rate, _filmed(solved, films[0], late), late)
+        return films, setup, lesson
 
 
 def _filmed(solved: Animation | None, film: Video, late: float) -> Animation | None:
@@ -139,7 +140,19 @@ def _filmed(solved: Animation | None, film: Video, late: float) -> Animation | N
 
     from blendcap.numerics.resampling import at_times
 
-    if solved is None or (not late and len(solved.weights) == film.count):
+    if solved is None:
+        return None
+    lasts, needed, frame = (
+        len(solved.weights) / solved.rate,
+        late + film.count / film.rate,
+        1 / min(film.rate, solved.rate),
+    )
+    if lasts < needed - frame or (not late and lasts > needed + frame):
+        raise blendcap.InputError(
+            f"The weights last {lasts:.2f} s, but the lesson's film ends at {needed:.2f} s; give the solved take of "
+            "this lesson."
+        )
+    if not late and len(solved.weights) == film.count and solved.rate == film.rate:
         return solved
     times = late + np.arange(film.count) / film.rate
     sure = None if solved.confidence is None else at_times(solved.confidence, solved.rate, times)
@@ -168,7 +181,8 @@ def predict(
     Parameters
     ----------
     videos
-        The head cameras' videos, one a camera and in their order. They begin with the take, on a neutral face.
+        The head cameras' videos, one a camera and in their order. They begin with the take (or see --offset), on a
+        neutral face.
     take
         The markers of the same performance: .c3d, .trc or .csv.
     model

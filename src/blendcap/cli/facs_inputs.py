@@ -56,8 +56,8 @@ class Footage(Filmed):
     """Where the patches are in the pictures."""
 
     offset: float | None = None
-    """Seconds by which the videos begin after the take; needed only if they differ in length. Their rates may differ:
-    the markers are then told between their frames."""
+    """Seconds by which the videos begin after the take, the same for all takes; needed only if they differ in length.
+    Their rates may differ: the markers are then told between their frames."""
 
     stable: Annotated[tuple[str, ...], Parameter(negative=(), show_default=False)] = ()
     """A marker that does not move with the face, by name, to follow in the pictures; repeat it for at least three. If
@@ -88,15 +88,15 @@ def _sampled(take: MarkerTake, film: Video, offset: float | None) -> MarkerTake:
     from blendcap.numerics.resampling import at_times
 
     lasts, frame = len(take.positions) / take.rate, 1 / min(film.rate, take.rate)
-    if offset is None and abs(film.count / film.rate - lasts) > frame:
+    if offset is None and abs(film.count / film.rate - lasts) > frame / 2:
         raise blendcap.InputError(
             f"{_apart(film, take)}; say by --offset how many seconds after the take the videos begin (0 if together), "
             "or cut both to the same frames."
         )
     times = (offset or 0.0) + np.arange(film.count) / film.rate
-    if times[0] < -frame or times[-1] > lasts + frame:
+    if not (times[0] >= -frame and times[-1] <= lasts + frame):  # NaN is neither
         raise blendcap.InputError(
-            f"With --offset {offset or 0:g} the videos reach from {times[0]:.2f} to {times[-1]:.2f} s of the take, "
+            f"With --offset {offset or 0:g} {film.path} reaches from {times[0]:.2f} to {times[-1]:.2f} s of the take, "
             f"which lasts {lasts:.2f} s; give another, or cut the videos to the take."
         )
     return replace(take, positions=at_times(take.positions, take.rate, times), rate=film.rate, residuals=None)
@@ -173,7 +173,7 @@ def _check_films(films: list[Video], cameras: Cameras) -> None:
                 f"{film.path} has pictures of {film.size[0]} x {film.size[1]} pixels, but the camera {name!r} "
                 f"of {size[0]} x {size[1]}; the order of the videos must be that of the cameras."
             )
-        if (film.count, film.rate) != (films[0].count, films[0].rate):
+        if film.count != films[0].count or abs(film.rate - films[0].rate) > SAME_RATE * film.rate:
             raise blendcap.InputError(
                 f"{film.path} has {film.count} frames at {film.rate:g} a second, but {films[0].path} {films[0].count} "
                 f"at {films[0].rate:g}; cut the videos to the same frames."
@@ -218,7 +218,7 @@ def table_of(path: Path | None) -> Mapping[str, Mapping[str, float]]:
     if not fits:
         raise blendcap.InputError(
             f"{path} must be a JSON object from units to shapes and their weights above 0, such as "
-            '{{"AU4": {{"browLower_L": 1.0}}}}; leave a unit without a shape empty: {{"AU4": {{}}}}.'
+            '{"AU4": {"browLower_L": 1.0}}; leave a unit without a shape empty: {"AU4": {}}.'
         )
     return table
 

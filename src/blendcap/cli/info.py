@@ -32,7 +32,7 @@ def info(
     from blendcap.makeup.packing import KIND, VERSION, unpack
 
     facts = describe(file, unit, of_take=_filled)
-    if facts["kind"] == "model" and facts["of"] == KIND:
+    if facts["kind"] == "model" and (facts["of"], facts["version"]) == (KIND, VERSION):
         classifier = unpack(*read_model(file, KIND, VERSION))
         facts |= left_out(classifier) if as_json else left_out_in_words(classifier)
     if as_json:

@@ -24,8 +24,8 @@ def left_out(classifier: PatchClassifier) -> dict[str, Any]:
 def left_out_in_words(classifier: PatchClassifier) -> dict[str, str]:
     """The same for people."""
     return {
-        "left_out": "; ".join(_told_right(model) for model in classifier.models),
-        "mixed_up": _mixed_up(classifier) or "nothing in more than 2% of its frames",
+        "left_out": "; ".join(_told_right(model) for model in classifier.models if model.scores) or "not counted",
+        "mixed_up": _mixed_up(classifier),
     }
 
 
@@ -33,12 +33,14 @@ def _told_right(model: RegionModel) -> str:
     scores = model.scores
     return (
         f"{model.region.name} {scores['unit']:.0%} of the clear frames told right, {scores['unit, all frames']:.0%} of "
-        f"all, {scores['unit and intensity']:.0%} with the intensity"
+        f"all, {scores['unit and intensity']:.0%} with the intensity, within 0.25"
     )
 
 
 def _mixed_up(classifier: PatchClassifier) -> str:
     """The units that are most often taken for others, worst first."""
+    if not any(model.answers for model in classifier.models):
+        return "not counted; train anew"
     pairs = []
     for model in classifier.models:
         for row, (name, frames) in enumerate(zip(model.answers, model.confusion, strict=False)):
@@ -47,4 +49,4 @@ def _mixed_up(classifier: PatchClassifier) -> str:
                     said = f"{name} told as {model.answers[column]} in {count} of {frames.sum()} frames"
                     pairs.append((count / frames.sum(), said))
     pairs.sort(key=lambda pair: -pair[0])
-    return "; ".join(said for _, said in pairs[:MOST])
+    return "; ".join(said for _, said in pairs[:MOST]) or f"no unit in more than {MIXED:.0%} of its frames"

@@ -245,5 +245,7 @@ def _conflict(names: Sequence[str], conflict: np.ndarray) -> dict[str, Any]:
     return {
         "shapes": dict(zip(names, conflict.mean(0).tolist(), strict=True)),
         "frames": conflict.max(1).tolist(),
-        "worst_shape": [names[n] for n in conflict.argmax(1)],
+        "worst_shape": [
+            names[n] if frame[n] > 0 else None for n, frame in zip(conflict.argmax(1), conflict, strict=True)
+        ],
     }

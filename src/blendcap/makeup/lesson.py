@@ -63,9 +63,10 @@ class Lesson:
 
     @classmethod
     def of_spans(
-        cls, spans: Sequence[tuple[float, float, str]], frames: int, rate: float, weights: Animation | None = None
-    ) -> Lesson:
-        """From spans (start, end, unit), seconds, one a showing.
+        cls, spans: Sequence[tuple[float, float, str]], frames: int, rate: float, weights: Animation | None = None,
+        offset: float = 0.0,
+    ) -> Lesson:  # fmt: skip
+        """From spans (start, end, unit), seconds, one a showing; the lesson's first frame is at `offset` seconds.
 
         Raises
         ------
@@ -74,17 +75,18 @@ class Lesson:
         """
         units, repetitions = np.full(frames, "", dtype=object), np.zeros(frames, dtype=int)
         for number, (start, end, unit) in enumerate(spans, 1):
-            if start * rate < -1:
+            first, last = (start - offset) * rate, (end - offset) * rate
+            if first < -1:
                 raise InputError(
-                    f"Showing {number}, of {unit}, begins {-start:.4g} s before the film; leave it out, or correct the "
-                    "offset."
+                    f"Showing {number}, of {unit} from {start:g} to {end:g} s, begins {-first / rate:.4g} s before the "
+                    "film; leave it out, or correct the offset."
                 )
-            if end * rate > frames + 1:
+            if last > frames + 1:
                 raise InputError(
                     f"Showing {number}, of {unit} from {start:g} to {end:g} s, ends after the lesson, which lasts "
-                    f"{frames / rate:.4g} s; showings are told in seconds from its first frame."
+                    f"until {offset + frames / rate:.4g} s; showings are told in seconds from the take's first frame."
                 )
-            part = slice(max(round(start * rate), 0), round(end * rate))
+            part = slice(max(round(first), 0), round(last))
             taken = np.flatnonzero(repetitions[part])
             if len(taken) > 1:
                 other = repetitions[part][taken[0]]
@@ -135,19 +137,19 @@ def untold_units(
     InputError
         If they tell of none.
     """
-    asked, untold = set(), set()
+    asked, told = set(), set()
     for lesson in (lesson for lesson in lessons if lesson.weights is not None):
         turns = _shown([lesson])
         own = {unit for unit in _known(regions) if any(counts(turn, unit, method) for turn in turns)}
         asked |= own
-        untold |= {unit for unit in own if np.isnan(lesson.intensity(table.get(unit, {}))).all()}
-    if asked and untold == asked:
+        told |= {unit for unit in own if np.isfinite(lesson.intensity(table.get(unit, {}))).any()}
+    if asked and not told:
         raise InputError(
             f"The lesson's weights tell of none of its units ({', '.join(sorted(asked))}) how strongly it is shown: "
             "they have other shapes, or trust none; give the solved take of the lesson, or a table from units to its "
             "shapes."
         )
-    return sorted(untold)
+    return sorted(asked - told)
 
 
 def check_lessons(
@@ -161,7 +163,11 @@ def check_lessons(
         If they show no unit of the regions, each unit only once, or their weights tell of none.
     """
     foreign_turns(lessons, regions, method)
-    untold_units(lessons, regions, method, table)
+    if method == "svm":
+        if any(lesson.weights is not None for lesson in lessons):
+            log.warning("The papers' classes are learned from the pictures alone; the lesson's weights are not used.")
+    else:
+        untold_units(lessons, regions, method, table)
     showings = {(k, n): turn for k, lesson in enumerate(lessons)
                 for n, turn in zip(lesson.repetitions, lesson.units, strict=True) if turn}  # fmt: skip
     if len(set(showings.values())) == len(showings):

@@ -12,6 +12,7 @@ from blendcap.makeup.classifier import METHODS, PatchClassifier, RegionModel
 from blendcap.makeup.features import check_features, features
 from blendcap.makeup.units import Region
 
+LEAST = 16  # pixels of a patch: smaller ones no filter fits
 KIND, VERSION = "patch classifier", 4
 _ARRAYS = ("weights", "offsets", "classes", "trust", "coverage", "errors", "scales", "confusion")
 
@@ -79,6 +80,10 @@ def _check(model: RegionModel, method: str, neutral: Mapping[str, np.ndarray]) -
         and (model.errors >= 0).all()
         and set(model.region.patches) <= set(neutral)
         and len(set(model.region.units)) == units
+        and (not model.answers or model.confusion.shape == (len(model.answers),) * 2)
+        and model.confusion.dtype.kind in "iu"
+        and model.classes.dtype.kind in "iu"
+        and (not model.answers or {"unit", "unit, all frames", "unit and intensity"} <= set(model.scores))
         and model.weights.shape[1] == _width(model.region, neutral)
     )
     if not fits:
@@ -86,8 +91,8 @@ def _check(model: RegionModel, method: str, neutral: Mapping[str, np.ndarray]) -
 
 
 def _width(region: Region, neutral: Mapping[str, np.ndarray]) -> int:
-    """How many features are seen of a region; -1 if its neutral patches are no pictures."""
+    """How many features are seen of a region; -1 if its neutral patches are no pictures, or too small."""
     pictures = [neutral[name] for name in region.patches]
-    if not all(picture.ndim == 2 and picture.size and picture.dtype == np.uint8 for picture in pictures):
+    if not all(picture.ndim == 2 and min(picture.shape) >= LEAST and picture.dtype == np.uint8 for picture in pictures):
         return -1
     return features([picture[None] for picture in pictures], pictures, region.features).shape[1] if pictures else 0

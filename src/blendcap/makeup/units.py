@@ -85,7 +85,9 @@ def shown_as_one(units: Sequence[str], turns: Collection[str]) -> dict[str, list
 
 
 def _joint_name(units: Sequence[str]) -> str:
-    numbers = dict.fromkeys(unit.removeprefix("AU").rstrip("LR") for unit in units)
+    if len(units) == 1 or not all(unit.startswith("AU") for unit in units):
+        return "+".join(units)
+    numbers = dict.fromkeys(n for unit in units for n in unit.removeprefix("AU").rstrip("LR").split("+"))
     sides = {_parts(unit)[1] for unit in units} - {""}
     return f"AU{'+'.join(numbers)}{sides.pop() if len(sides) == 1 else ''}"
 

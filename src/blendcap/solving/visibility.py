@@ -56,7 +56,8 @@ class Kinship:
         lids = np.array([name.startswith("eye") for name in names], dtype=bool) & ~eyeballs
         quick = np.array([name.startswith("eyeBlink") for name in names], dtype=bool)
         sideways = np.array([name.startswith(("eyeLookIn", "eyeLookOut")) for name in names], dtype=bool)
-        crossed = sideways & (opposite[rig.mirror] == rig.mirror[opposite])  # a rig may lack one of the four
+        sides = rig.mirror != np.arange(len(names))
+        crossed = sideways & sides & (opposite[rig.mirror] == rig.mirror[opposite])  # a rig may lack one of the four
         return cls(np.where(crossed, opposite[rig.mirror], rig.mirror), opposite, lids, eyeballs, quick, symmetry)
 
     @property

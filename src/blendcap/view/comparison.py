@@ -99,23 +99,24 @@ def plot_conflict(hybrid: Solution) -> Figure:
     axes.plot(*thinned(animation.times, worst), color=RED, linewidth=0.9)
     for frame in _highest(worst, animation.rate):
         name = animation.names[int(hybrid.conflict[frame].argmax())]
+        axes.plot(animation.times[frame], worst[frame], "o", color=RED, markersize=3)
         axes.annotate(
             f"{plain(name)}, frame {frame}", (animation.times[frame], worst[frame]), (0, 3), textcoords="offset points",
             fontsize=7, ha="center",
         )  # fmt: skip
     axes.set_ylim(0, max(1.15 * float(worst.max()), 0.1))
     axes.set_xlabel("seconds")
-    axes.set_ylabel("weight")
+    axes.set_ylabel("weight × trust")
     return figure
 
 
 def _highest(worst: np.ndarray, rate: float) -> list[int]:
-    """The frames, `APART` seconds from each other, in which patches and answer are farthest apart."""
-    left, frames = worst.copy(), []
-    while len(frames) < PICTURES and left.max() > CONFLICT:
-        frames.append(int(left.argmax()))
-        left[max(frames[-1] - round(APART * rate), 0) : frames[-1] + round(APART * rate) + 1] = 0
-    return frames
+    """The summits, `APART` seconds from each other, at which patches and answer are farthest apart."""
+    from scipy.signal import find_peaks
+
+    padded = np.pad(worst, 1, constant_values=-1)  # the first and the last frame may be summits, too
+    peaks = find_peaks(padded, height=CONFLICT, distance=max(round(APART * rate), 1))[0] - 1
+    return sorted(peaks[np.argsort(-worst[peaks], kind="stable")][:PICTURES].tolist())
 
 
 def write_comparison(

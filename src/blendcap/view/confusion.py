@@ -24,7 +24,7 @@ def plot_confusion(classifier: PatchClassifier) -> Figure:
     sizes = [len(model.answers) for model in models]
     columns = min(2, len(models))
     rows = -(-len(models) // columns)
-    figure = new_figure(max(columns * (CELL * max(sizes) + 1.3), 4.0), rows * (CELL * max(sizes) + 1.2) + 0.3)
+    figure = new_figure(max(columns * (CELL * max(sizes) + 1.3), 4.0), rows * (CELL * max(sizes) + 1.5) + 0.5)
     grid = figure.subplots(rows, columns, squeeze=False)
     for axes, model in zip(grid.flat, models, strict=False):
         _matrix(axes, model)
@@ -50,4 +50,6 @@ def _matrix(axes: Axes, model: RegionModel) -> None:
     axes.set_yticks(range(len(names)), names, fontsize=7)
     axes.grid(False)
     axes.spines[:].set_visible(False)
-    axes.set_title(f"{plain(model.region.name)}: {model.scores['unit']:.1%} right")
+    axes.set_title(
+        f"{plain(model.region.name)}: {model.scores['unit']:.1%} of {counts.sum():,} clear frames", fontsize=8
+    )
