@@ -370,7 +370,10 @@ def test_a_lesson_of_another_length_or_of_one_showing_is_refused(lesson):
 @pytest.mark.parametrize(
     ("spans", "sentence"),
     [
-        ([(12.0, 36.0, "AU4")], "Showing 1, of AU4 from 12 to 36 s, ends after the lesson, which lasts until 10 s; showings"),
+        (
+            [(12.0, 36.0, "AU4")],
+            "Showing 1, of AU4 from 12 to 36 s, ends after the lesson, which lasts until 10 s; showings",
+        ),
         ([(1, 2, "AU4"), (3, 5, "AU1"), (4, 6, "AU2")], "Showings 2 and 3, of AU1 and AU2, overlap; tell what was"),
     ],
 )
