@@ -202,8 +202,8 @@ def squeezed_from(ratios: Sequence[float]) -> float:
 def _taken(said: np.ndarray, true: np.ndarray) -> list[str]:
     """Cells region, unit that is shown, and frames told as it and as others."""
     rows = []
-    for region, told, asked in _answers_of(said, true):
-        names = ("rest", *region.units)
+    for region, ours, theirs in _clear(said, true):
+        told, asked, names = recognized(ours), recognized(theirs), ("rest", *region.units)
         for k, name in enumerate(names, -1):
             counts = np.bincount(told[asked == k] + 1, minlength=len(names))
             order = sorted(np.flatnonzero(counts), key=lambda n: (n != k + 1, -counts[n]))
@@ -211,21 +211,19 @@ def _taken(said: np.ndarray, true: np.ndarray) -> list[str]:
     return rows
 
 
-def _answers_of(said: np.ndarray, true: np.ndarray) -> Iterator[tuple[Region, np.ndarray, np.ndarray]]:
-    """Each region, and the units told and shown in its clear frames; -1 is rest."""
+def _clear(said: np.ndarray, true: np.ndarray) -> Iterator[tuple[Region, np.ndarray, np.ndarray]]:
+    """Each region, and the intensities told and shown of its units, in its clear frames."""
     for region in PAPER_REGIONS:
         columns = [UNITS.index(unit) for unit in region.units]
         clear = is_clear(true[:, columns])
-        yield region, recognized(said[clear][:, columns]), recognized(true[clear][:, columns])
+        yield region, said[clear][:, columns], true[clear][:, columns]
 
 
 def _recognized(said: np.ndarray, true: np.ndarray) -> str:
     """Cells: right by region, right with intensity, precision and recall of AU45 and AU6+43, the worst correlation."""
     cells, level, shut = [], [], []
-    for region, told, asked in _answers_of(said, true):
-        columns = [UNITS.index(unit) for unit in region.units]
-        clear = is_clear(true[:, columns])
-        ours, theirs = said[clear][:, columns], true[clear][:, columns]
+    for region, ours, theirs in _clear(said, true):
+        told, asked = recognized(ours), recognized(theirs)
         cells.append(f"{(told == asked).mean():.3f}")
         level.append(((told == asked) & (np.abs(ours - theirs).max(1) < NEAR)).mean())
         if region.name == "eyes":

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from blendcap.makeup.curves import _answers, _smoothed
+from blendcap.makeup.curves import classify
 from blendcap.makeup.training import train_classifier
 from blendcap.view.style import BLUE, GREEN, INK, RED, new_figure, styled, write_plot
 from hybrid_data import UNITS, exercise, lessons
@@ -38,13 +38,13 @@ def main() -> None:
 
 def _told(classifier, test, amounts: np.ndarray):
     """Seconds, true intensity and what is told of the parts around the strongest showing; its patch, and at rest."""
-    answers, _, rate = _answers(classifier, [test.patches])
-    told, true = np.minimum(_smoothed(answers, classifier, rate), 1), amounts[:, UNITS.index(UNIT)]
+    units = {unit: {unit: 1.0} for unit in classifier.units}
+    curves, true = classify(classifier, test.patches, table=units, full_blinks=False), amounts[:, UNITS.index(UNIT)]
     on = np.flatnonzero(true > 0.05)
     frames = np.arange(max(on[0] - AROUND, 0), min(on[-1] + AROUND, len(true)))
-    parts = {unit: told[frames, classifier.units.index(unit)] for unit in PARTS}
+    parts = {unit: curves.weights[frames, curves.names.index(unit)] for unit in PARTS}
     pair = test.patches.neutral[PATCH], test.patches.images[PATCH][int(true.argmax())]
-    return frames / rate, true[frames], parts, np.hstack(pair)
+    return frames / curves.rate, true[frames], parts, np.hstack(pair)
 
 
 @styled

@@ -13,9 +13,10 @@ from scipy.spatial.transform import Rotation
 
 import blendcap
 from blendcap.cli import main
-from blendcap.cli.facs import _filmed, _lesson
+from blendcap.cli.facs import _lesson
 from blendcap.cli.facs_inputs import Filmed, Footage, _check_films, blocks
 from blendcap.cli.facs_inputs import stage as read_stage
+from blendcap.cli.film_time import weights_at_frames
 from blendcap.cli.left_out import left_out_in_words
 from blendcap.cli.progress import Progress
 from blendcap.data import Camera, InputError, landmarks68
@@ -149,7 +150,12 @@ def test_curves_from_video_make_the_solve_better(stage, rig, capsys):
     solve = ["solve", str(stage / "test.c3d"), "--rig", str(stage / "rig.glb"), "--correspondences",
              str(stage / "bare.json"), "--head", "keep"]  # fmt: skip
     assert main([*solve, "-o", str(stage / "alone.npz")]) == 0
-    assert main([*solve, "--patches", curves, "-o", str(stage / "hybrid.npz")]) == 0
+    capsys.readouterr()
+    assert main([*solve, "--patches", curves, "-o", str(stage / "hybrid.npz"), "--json"]) == 0
+    conflict = json.loads(capsys.readouterr().out)["conflict"]
+    assert len(conflict["frames"]) == len(conflict["worst_shape"]) == len(truth.weights)
+    assert set(conflict["worst_shape"]) <= {*told.names, None} and 0 < max(conflict["frames"]) < 1
+    assert {name for name, apart in conflict["shapes"].items() if apart > 0} <= set(told.names)
     true, errors = truth.select(LIDS).weights, []
     for name in ("alone.npz", "hybrid.npz"):
         answer = blendcap.read_animation(stage / name).select(LIDS)
@@ -281,6 +287,9 @@ def test_the_threshold_reaches_the_patches_and_wrong_turns_and_features_do_not(t
     assert main(["facs", "train", "v.mp4", *common, *weighed]) == 1
     said = capsys.readouterr()
     assert "tell of none of its units (AU4L, AU4R)" in said.err and "Cut the patches" not in said.out + said.err
+    lost = [*common[:-4], "-o", weighed[-1]]
+    assert main(["facs", "train", "v.mp4", *lost, *weighed]) == 1
+    assert "w.npz: it is an input too" in capsys.readouterr().err
     assert main(["facs", "train", "v.mp4", *common, "--turns", "unused", "--warps", "-1"]) == 1
     assert "--warps is -1, but must be 0 or more" in capsys.readouterr().err
     assert main(["facs", "train", "v.mp4", *common, "--turns", "unused", "--features", "gabbor"]) == 1
@@ -376,16 +385,18 @@ def test_a_take_is_told_at_the_frames_of_its_film():
     with pytest.raises(InputError, match="cut both to the same frames, at the rate of the film"):
         Filmed(Path(), Path()).take_of(film, take)
     solved = blendcap.Animation(take.positions[:, 0], ("x", "y", "z"), 2 * RATE, confidence=np.ones((22, 3)))
-    weights = _filmed(solved, film, 5 / (2 * RATE))  # pyright: ignore[reportArgumentType]
-    assert weights is not None and weights.rate == RATE and weights.confidence is not None
+    weights = weights_at_frames(film, solved, 5 / (2 * RATE))  # pyright: ignore[reportArgumentType]
+    assert weights.rate == RATE and weights.confidence is not None
     np.testing.assert_allclose(weights.weights, path[:, 0])
     for late in (0.0, 1.0):  # too long without an offset, and too short
         with pytest.raises(
             InputError, match=r"The weights last 0\.73 s, but the lesson's film ends at [01]\.60 s; give"
         ):
-            _filmed(solved, film, late)  # pyright: ignore[reportArgumentType]
+            weights_at_frames(film, solved, late)  # pyright: ignore[reportArgumentType]
     with pytest.raises(InputError, match="With --offset nan"):
         Footage(Path(), Path(), offset=float("nan")).take_of(film, take)
+    nearly = blendcap.Animation(path[:, 0], ("x", "y", "z"), 0.999 * RATE)  # as 29.97 is to 30: frame by frame
+    assert weights_at_frames(film, nearly, 0.0) is nearly  # pyright: ignore[reportArgumentType]
     same = blendcap.MarkerTake(path, ("a", "b"), RATE)
     assert Footage(Path(), Path()).take_of(film, same) is same is Filmed(Path(), Path()).take_of(film, same)
 

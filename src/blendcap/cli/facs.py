@@ -11,6 +11,7 @@ import blendcap
 from blendcap.cli.answers import AsJson, print_json, print_lines
 from blendcap.cli.facs_inputs import Footage, blocks, by_take, check_shapes, stage, table_of
 from blendcap.cli.facs_track import track
+from blendcap.cli.film_time import weights_at_frames
 from blendcap.cli.left_out import left_out, left_out_in_words
 from blendcap.cli.outputs import PICTURES, check_outputs
 from blendcap.cli.progress import Progress
@@ -130,34 +131,8 @@ def _lesson(
         solved = None if weights is None else read_animation(weights)
         staged = stage(videos, take, footage)
         films, setup, late = staged.films, staged.setup(footage.stable), footage.offset or 0.0
-        lesson = Lesson.of_spans(spans, films[0].count, films[0].rate, _filmed(solved, films[0], late), late)
-        return films, setup, lesson
-
-
-def _filmed(solved: Animation | None, film: Video, late: float) -> Animation | None:
-    """Weights of the whole take at the frames of its film, which begins `late` seconds after it."""
-    import numpy as np
-
-    from blendcap.numerics.resampling import at_times
-
-    if solved is None:
-        return None
-    lasts, needed, frame = (
-        len(solved.weights) / solved.rate,
-        late + film.count / film.rate,
-        1 / min(film.rate, solved.rate),
-    )
-    if lasts < needed - frame or (not late and lasts > needed + frame):
-        raise blendcap.InputError(
-            f"The weights last {lasts:.2f} s, but the lesson's film ends at {needed:.2f} s; give the solved take of "
-            "this lesson."
-        )
-    if not late and len(solved.weights) == film.count and solved.rate == film.rate:
-        return solved
-    times = late + np.arange(film.count) / film.rate
-    sure = None if solved.confidence is None else at_times(solved.confidence, solved.rate, times)
-    weights = at_times(solved.weights, solved.rate, times)
-    return blendcap.Animation(weights, solved.names, film.rate, confidence=sure)
+        known = None if solved is None else weights_at_frames(films[0], solved, late)
+        return films, setup, Lesson.of_spans(spans, films[0].count, films[0].rate, known, late)
 
 
 @facs.command

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import logging
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 from cyclopts import Parameter
 
 import blendcap
+from blendcap.cli.film_time import same_rate, take_at_frames, take_of_same_frames
 from blendcap.cli.progress import Progress
 
 if TYPE_CHECKING:
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
     from blendcap.makeup.setup import Setup
 
 DOT = 0.011  # radius of a marker's dot that is taken off the paint, of the picture's height
-SAME_RATE = 0.01  # part by which the rates of film and take may differ
 LOST, OFTEN = 0.5, 0.1  # part of a frame's still points below which it is lost; part of such frames that is told
 
 log = logging.getLogger(__name__)
@@ -45,9 +45,7 @@ class Filmed:
 
     def take_of(self, film: Video, take: MarkerTake) -> MarkerTake:
         """The markers in the frames of a film, which must be those of the take: tracks are solved with it."""
-        if not _same_frames(film, take):
-            raise blendcap.InputError(f"{_apart(film, take)}; cut both to the same frames, at the rate of the film.")
-        return take
+        return take_of_same_frames(film, take)
 
 
 @Parameter(name="*")
@@ -67,39 +65,7 @@ class Footage(Filmed):
 
     def take_of(self, film: Video, take: MarkerTake) -> MarkerTake:
         """The markers in the frames of a film, which may have another rate and begin later."""
-        return take if self.offset is None and _same_frames(film, take) else _sampled(take, film, self.offset)
-
-
-def _same_frames(film: Video, take: MarkerTake) -> bool:
-    return abs(film.rate - take.rate) <= SAME_RATE * take.rate and film.count == len(take.positions)
-
-
-def _apart(film: Video, take: MarkerTake) -> str:
-    return (
-        f"{film.path} has {film.count} frames at {film.rate:g} a second, but the take {len(take.positions)} at "
-        f"{take.rate:g}"
-    )
-
-
-def _sampled(take: MarkerTake, film: Video, offset: float | None) -> MarkerTake:
-    """A take at the frames of a film that begins `offset` seconds after it, or with it."""
-    import numpy as np
-
-    from blendcap.numerics.resampling import at_times
-
-    lasts, frame = len(take.positions) / take.rate, 1 / min(film.rate, take.rate)
-    if offset is None and abs(film.count / film.rate - lasts) > frame / 2:
-        raise blendcap.InputError(
-            f"{_apart(film, take)}; say by --offset how many seconds after the take the videos begin (0 if together), "
-            "or cut both to the same frames."
-        )
-    times = (offset or 0.0) + np.arange(film.count) / film.rate
-    if not (times[0] >= -frame and times[-1] <= lasts + frame):  # NaN is neither
-        raise blendcap.InputError(
-            f"With --offset {offset or 0:g} {film.path} reaches from {times[0]:.2f} to {times[-1]:.2f} s of the take, "
-            f"which lasts {lasts:.2f} s; give another, or cut the videos to the take."
-        )
-    return replace(take, positions=at_times(take.positions, take.rate, times), rate=film.rate, residuals=None)
+        return take_at_frames(film, take, self.offset)
 
 
 def by_take(
@@ -173,7 +139,7 @@ def _check_films(films: list[Video], cameras: Cameras) -> None:
                 f"{film.path} has pictures of {film.size[0]} x {film.size[1]} pixels, but the camera {name!r} "
                 f"of {size[0]} x {size[1]}; the order of the videos must be that of the cameras."
             )
-        if film.count != films[0].count or abs(film.rate - films[0].rate) > SAME_RATE * film.rate:
+        if film.count != films[0].count or not same_rate(film.rate, films[0].rate):
             raise blendcap.InputError(
                 f"{film.path} has {film.count} frames at {film.rate:g} a second, but {films[0].path} {films[0].count} "
                 f"at {films[0].rate:g}; cut the videos to the same frames."
@@ -227,13 +193,9 @@ def check_shapes(rig: Rig, table: Mapping[str, Mapping[str, float]], units: Sequ
     """Say which units move shapes that the rig has not: a solve would refuse their curves."""
     from blendcap.data.names import match
 
-    wanted = {unit: tuple(table.get(unit, {})) for unit in units}
-    lacking = [
-        f"{shape} ({unit})"
-        for unit, shapes in wanted.items()
-        for shape in shapes
-        if shape not in match(shapes, rig.names)
-    ]
+    moved = [(shape, unit) for unit in units for shape in table.get(unit, {})]
+    found = match([shape for shape, _ in moved], rig.names)
+    lacking = [f"{shape} ({unit})" for shape, unit in moved if shape not in found]
     if lacking:
         log.warning(
             'The rig %r has no shape for what these units move, and a solve will refuse their curves: %s. Give --table '

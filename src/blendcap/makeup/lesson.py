@@ -108,7 +108,7 @@ def counts(turn: str, unit: str, method: str) -> bool:
     return turn == unit if method == "svm" else shows(turn, unit)
 
 
-def foreign_turns(lessons: Sequence[Lesson], regions: Sequence[Region], method: str) -> list[str]:
+def _foreign_turns(lessons: Sequence[Lesson], regions: Sequence[Region], method: str) -> list[str]:
     """What the lessons show that teaches no unit of the regions.
 
     Raises
@@ -162,7 +162,7 @@ def check_lessons(
     InputError
         If they show no unit of the regions, each unit only once, or their weights tell of none.
     """
-    foreign_turns(lessons, regions, method)
+    _foreign_turns(lessons, regions, method)
     if method == "svm":
         if any(lesson.weights is not None for lesson in lessons):
             log.warning("The papers' classes are learned from the pictures alone; the lesson's weights are not used.")
@@ -184,7 +184,7 @@ def shown_turns(
             "The lesson's weights do not tell how strongly %s are shown, and the pictures must: the shapes are not "
             "there, or no marker saw them.", ", ".join(untold),
         )  # fmt: skip
-    foreign = foreign_turns(lessons, regions, method)
+    foreign = _foreign_turns(lessons, regions, method)
     if foreign:
         log.warning(
             "The showings of %s teach none of the units that are told: %s.",

@@ -80,14 +80,18 @@ def _check(model: RegionModel, method: str, neutral: Mapping[str, np.ndarray]) -
         and (model.errors >= 0).all()
         and set(model.region.patches) <= set(neutral)
         and len(set(model.region.units)) == units
-        and (not model.answers or model.confusion.shape == (len(model.answers),) * 2)
-        and model.confusion.dtype.kind in "iu"
-        and model.classes.dtype.kind in "iu"
-        and (not model.answers or {"unit", "unit, all frames", "unit and intensity"} <= set(model.scores))
+        and model.confusion.dtype.kind == model.classes.dtype.kind == "i"
+        and (not model.answers or _is_judged(model))
         and model.weights.shape[1] == _width(model.region, neutral)
     )
     if not fits:
         raise InputError(f"The patch classifier's region {model.region.name!r} does not fit together; train it anew.")
+
+
+def _is_judged(model: RegionModel) -> bool:
+    """Whether all is there that left-out showings say."""
+    shares = {"unit", "unit, all frames", "unit and intensity"}
+    return model.confusion.shape == (len(model.answers),) * 2 and shares <= set(model.scores)
 
 
 def _width(region: Region, neutral: Mapping[str, np.ndarray]) -> int:
